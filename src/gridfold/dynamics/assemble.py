@@ -1,0 +1,118 @@
+"""From the device records of a case to groups of units with parameters on the system base."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.layout import Group
+from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
+from gridfold.errors import CaseError
+from gridfold.grid.case import Case, DeviceRecord, UnitKey
+
+
+def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]:
+    """Groups of (device, units, parameter rows) of all generators in service.
+
+    Raises
+    ------
+    CaseError
+        Lists every fault of the device records: unknown models with their number, unknown, missing or
+        impossible parameters, generators without a machine, two devices of one role.
+    """
+    faults = list(_device_faults(case, devices))
+    if faults:
+        raise CaseError(faults, f"case {case.name}, dynamic devices")
+    groups: list[Group] = []
+    base = {g.key: g.base_mva for g in case.generators if g.in_service}
+    for device in devices.values():
+        by_unit = {r.key: r for r in case.devices if r.model == device.model and r.key in base}
+        units = [unit for unit in base if unit in by_unit]
+        if units:
+            records = [by_unit[unit] for unit in units]
+            ratio = np.array([base[unit] / case.base_mva for unit in units])
+            groups.append((device, units, _parameter_rows(device, records, ratio, case)))
+    return groups
+
+
+def negative_loads(case: Case) -> frozenset[UnitKey]:
+    """Generators that the dynamic model treats as negative loads."""
+    return frozenset(record.key for record in case.devices if record.model == NEGATIVE_LOAD)
+
+
+def _parameter_rows(
+    device: Device, records: Sequence[DeviceRecord], ratio: NDArray[np.float64], case: Case
+) -> NDArray[np.float64]:
+    rows = []
+    for parameter in device.parameters:
+        default = math.nan if parameter.default is None else parameter.default
+        values = np.array([r.parameters.get(parameter.name, default) for r in records], dtype=float)
+        rows.append(values * ratio**parameter.scaling.value)
+    rows += [np.full(len(records), np.nan) for _ in device.set_points]
+    rows.append(np.full(len(records), 2 * np.pi * case.frequency_hz))
+    return np.ascontiguousarray(rows)
+
+
+def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
+    unknown = Counter(
+        r.model for r in case.devices if r.model not in devices and r.model != NEGATIVE_LOAD
+    )
+    for model, count in unknown.items():
+        first = next(record for record in case.devices if record.model == model)
+        known = ", ".join((*devices, NEGATIVE_LOAD))
+        yield f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}"
+    for record in case.devices:
+        if record.model in devices:
+            for fault in _record_faults(devices[record.model], record):
+                yield f"{case.locate(record)}: {fault}"
+    yield from _role_faults(case, devices)
+
+
+def _record_faults(device: Device, record: DeviceRecord) -> Iterator[str]:
+    known = {parameter.name: parameter for parameter in device.parameters}
+    sound = True
+    for name in record.parameters:
+        if name not in known:
+            sound = False
+            yield f"unknown parameter {name!r}; known: {', '.join(known)}"
+    values = {}
+    for parameter in device.parameters:
+        value = record.parameters.get(parameter.name, parameter.default)
+        if value is None:
+            sound = False
+            yield f"{parameter.name} is missing"
+        elif not parameter.bound.holds(value):
+            sound = False
+            yield f"{parameter.name} must be {parameter.bound.value}, not {value!r}"
+        else:
+            values[parameter.name] = value
+    if sound:
+        yield from device.check(values)
+
+
+def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
+    roles: dict[tuple[UnitKey, Role], list[str]] = {}
+    for record in case.devices:
+        if record.model == NEGATIVE_LOAD:
+            roles.setdefault((record.key, Role.MACHINE), []).append(record.model)
+        elif record.model in devices:
+            role = devices[record.model].role
+            roles.setdefault((record.key, role), []).append(record.model)
+    for (unit, role), models in roles.items():
+        if len(models) > 1:
+            yield f"unit {unit} has {len(models)} devices of one role: {', '.join(models)}"
+        if (unit, Role.MACHINE) not in roles or (
+            role is not Role.MACHINE and NEGATIVE_LOAD in roles[unit, Role.MACHINE]
+        ):
+            yield f"unit {unit} has {models[0]} but no machine"
+    for generator in case.generators:
+        if generator.in_service and (generator.key, Role.MACHINE) not in roles:
+            yield (
+                f"{case.locate(generator)} has no machine; give it one, or a {NEGATIVE_LOAD} record "
+                "to treat its power as a negative load"
+            )

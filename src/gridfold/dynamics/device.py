@@ -1,0 +1,186 @@
+"""The contract of a dynamic device.
+
+A device model is one file: its parameters, states, inputs and outputs by name, and up to three
+kernels over all its units at once. All kernels have one signature,
+
+    kernel(x, u, p, y, dx)
+
+with matrices of shape (rows, units): states `x`, inputs `u`, parameters `p`, algebraic outputs `y`,
+derivatives `dx`. They are called in three stages:
+
+1. ``source``      x, p       -> the first rows of y: the Norton current, and what is worth keeping;
+2. ``output``      x, u, p, y -> the other rows of y (the network voltages are known now);
+3. ``derivative``  x, u, p, y -> dx.
+
+Only machines have a source. A kernel is plain Python over floats that is compiled twice, for real and
+for complex numbers: the complex one gives the Jacobian, so no derivative is ever coded by hand.
+Comparisons in a kernel must therefore use ``.real``. Start values are found by Newton's method on the
+same kernels: no equation is written twice.
+
+Signals are joined by name among the devices of one unit: an input is taken from the state or output of
+that name of another device of the same unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import compile_callback, invoke
+
+Matrix = NDArray[np.float64] | NDArray[np.complex128]
+Kernel = Callable[[Any, Any, Any, Any, Any], None]
+Values = Mapping[str, NDArray[np.float64]]
+
+
+class Role(IntEnum):
+    """What a device is; the order is that in which outputs are evaluated."""
+
+    MACHINE = 0
+    STABILIZER = 1
+    EXCITER = 2
+    GOVERNOR = 3
+    TURBINE = 4
+
+
+#: Start values follow the demand: the machine says which field voltage and power it needs, and so on.
+START_ORDER = (Role.MACHINE, Role.EXCITER, Role.TURBINE, Role.GOVERNOR, Role.STABILIZER)
+
+
+class Scaling(Enum):
+    """How a parameter on the generator's own base is converted to the system base."""
+
+    NONE = 0
+    POWER = 1
+    IMPEDANCE = -1
+
+
+class Bound(Enum):
+    """Range of a parameter."""
+
+    ANY = "any finite number"
+    NOT_NEGATIVE = "0 or more"
+    POSITIVE = "positive"
+
+    def holds(self, value: float) -> bool:
+        """Whether `value` is in the range."""
+        if not np.isfinite(value):
+            return False
+        return self is Bound.ANY or value > 0 or (value == 0 and self is Bound.NOT_NEGATIVE)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a device model: name in files, symbol in the docs, unit, range, default."""
+
+    name: str
+    symbol: str
+    unit: str
+    bound: Bound = Bound.POSITIVE
+    scaling: Scaling = Scaling.NONE
+    default: float | None = None
+
+
+def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
+    """Parameters need no check beyond their ranges."""
+    return ()
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device model.
+
+    Parameters
+    ----------
+    model : str
+        Name in case files.
+    title : str
+        Name for people.
+    role : Role
+        What it is.
+    parameters : tuple of Parameter
+        Rows of `p`, in order; after them come `set_points` and the base speed in rad/s.
+    set_points : tuple of str
+        Constants that the start decides, such as a voltage reference.
+    states : tuple of str
+        Rows of `x`.
+    inputs : tuple of str
+        Rows of `u`. A machine's inputs ``voltage_real`` and ``voltage_imag`` come from the network.
+    sources, outputs : tuple of str
+        Rows of `y`: those that the source kernel fills, then those that the output kernel fills. A
+        source kernel's first two are the real and imaginary part of the Norton current.
+    source, output, derivative : callable, optional
+        The kernels.
+    admittance : callable, optional
+        Norton admittance in per unit, from the parameters, shape (units,).
+    targets : tuple of str
+        States or outputs whose start value is prescribed by the power flow or by other devices.
+    solved_inputs : tuple of str
+        Inputs that the start decides; together with `set_points` as many as `targets`.
+    defaults : mapping
+        Value of an input that no device provides.
+    guess : callable
+        First guess of unknowns by name from parameters and known signals; 0 where it is silent.
+    check : callable
+        Faults of one unit's parameters beyond their ranges.
+    """
+
+    model: str
+    title: str
+    role: Role
+    parameters: tuple[Parameter, ...]
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    derivative: Kernel | None = None
+    set_points: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    source: Kernel | None = None
+    output: Kernel | None = None
+    admittance: Callable[[Values], NDArray[np.complex128]] | None = None
+    targets: tuple[str, ...] = ()
+    solved_inputs: tuple[str, ...] = ()
+    defaults: Mapping[str, float] = field(default_factory=dict)
+    guess: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = lambda p, known: {}
+    check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
+
+    @property
+    def parameter_rows(self) -> tuple[str, ...]:
+        """Names of the rows of `p`."""
+        return (*(p.name for p in self.parameters), *self.set_points, "base_speed")
+
+    @property
+    def signal_rows(self) -> tuple[str, ...]:
+        """Names of the rows of `y`."""
+        return self.sources + self.outputs
+
+
+_REAL_MATRIX = types.float64[:, ::1]
+_COMPLEX_MATRIX = types.complex128[:, ::1]
+
+
+@cache
+def compiled_kernel(kernel: Kernel, complex_numbers: bool = False) -> Any:
+    """The compiled form of a kernel; its ``address`` can be called from compiled code."""
+    matrix = _COMPLEX_MATRIX if complex_numbers else _REAL_MATRIX
+    return compile_callback(kernel, types.void(matrix, matrix, matrix, matrix, matrix))
+
+
+def run_kernel(
+    kernel: Kernel | None, x: Matrix, u: Matrix, p: Matrix, y: Matrix, dx: Matrix
+) -> None:
+    """Run a kernel on complex matrices (rows, units); writes into `y` or `dx`."""
+    if kernel is not None and x.shape[1] > 0:
+        _call(compiled_kernel(kernel, complex_numbers=True).address, x, u, p, y, dx)
+
+
+@njit(cache=True)
+def _call(address, x, u, p, y, dx):
+    invoke(address, (x, u, p, y, dx))

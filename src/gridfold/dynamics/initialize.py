@@ -1,0 +1,154 @@
+"""Start values: the equilibrium at the power-flow solution.
+
+Block by block, in the order of demand (machine, exciter, turbine, governor, stabilizer), Newton's
+method finds the states, set points and free inputs for which all derivatives vanish and the targets
+are met. It works on the devices' own kernels, so no start-up formula repeats an equation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import START_ORDER, Device
+from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
+from gridfold.dynamics.layout import Block, Layout
+from gridfold.errors import InitializationError
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.newton import newton_batch
+from gridfold.powerflow.result import PowerFlowResult
+
+_RESIDUAL_LIMIT = 1e-6
+
+Known = dict[tuple[UnitKey, str], float]
+
+
+@dataclass(frozen=True)
+class Start:
+    """The layout with all set points filled in, the initial state and the constant inputs."""
+
+    layout: Layout
+    x0: NDArray[np.float64]
+    constants: NDArray[np.float64]
+
+
+def initialize(layout: Layout, power_flow: PowerFlowResult) -> Start:
+    """Find the start of every block; raises :class:`InitializationError` if one has none."""
+    known = _operating_point(layout, power_flow)
+    x0 = np.zeros(layout.n_states)
+    blocks = list(layout.blocks)
+    order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
+    for k in order:
+        blocks[k], x = _start_block(blocks[k], known)
+        x0[blocks[k].state_index] = x
+    constants = np.array([known[name] for name in layout.constant_names])
+    return Start(replace(layout, blocks=tuple(blocks)), x0, constants)
+
+
+def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
+    case = power_flow.case
+    power = {g.key: s for g, s in zip(case.generators, power_flow.unit_power, strict=True)}
+    known: Known = {}
+    for unit in layout.source_units:
+        voltage = power_flow.voltage[case.bus_index[unit.bus]]
+        known[unit, "voltage_real"] = voltage.real
+        known[unit, "voltage_imag"] = voltage.imag
+        known[unit, "active_power"] = power[unit].real
+        known[unit, "reactive_power"] = power[unit].imag
+    return known
+
+
+def _start_block(block: Block, known: Known) -> tuple[Block, NDArray[np.float64]]:
+    """Solve one block; its signals are added to `known`."""
+    device, units = block.device, block.units
+    for name, value in device.defaults.items():
+        for unit in units:
+            known.setdefault((unit, name), value)
+    given = [name for name in device.inputs if name not in device.solved_inputs]
+    for name in (*given, *device.targets):
+        missing = [unit for unit in units if (unit, name) not in known]
+        if missing:
+            raise InitializationError(
+                f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
+            )
+    problem = _StartProblem(block, known)
+    solution = newton_batch(problem.residual, problem.guess())
+    problem.check(solution)
+    x, u, p, y = problem.split(solution.astype(np.complex128))
+    for rows, values in (
+        (device.states, x),
+        (device.signal_rows, y),
+        (device.inputs, u),
+    ):
+        for name, row in zip(rows, values.real, strict=True):
+            known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
+    return replace(block, parameters=np.ascontiguousarray(p.real)), x.real
+
+
+class _StartProblem:
+    """The equations of a block's start: unknowns are states, set points and solved inputs."""
+
+    def __init__(self, block: Block, known: Known):
+        self.block = block
+        self.device: Device = block.device
+        self.unknowns = (*self.device.states, *self.device.set_points, *self.device.solved_inputs)
+        names = {*self.device.inputs, *self.device.targets} - set(self.device.solved_inputs)
+        self.known = {name: np.array([known[unit, name] for unit in block.units]) for name in names}
+        self.targets = [self.known[name] for name in self.device.targets]
+        self.parameters = dict(zip(self.device.parameter_rows, block.parameters, strict=True))
+
+    def guess(self) -> NDArray[np.float64]:
+        """First guess, shape (n_unknowns, n_units)."""
+        values = self.device.guess(self.parameters, self.known)
+        columns = len(self.block.units)
+        return np.array(
+            [np.broadcast_to(values.get(name, 0.0), columns) for name in self.unknowns], dtype=float
+        ).reshape(len(self.unknowns), columns)
+
+    def split(
+        self, z: NDArray[np.complex128]
+    ) -> tuple[
+        NDArray[np.complex128],
+        NDArray[np.complex128],
+        NDArray[np.complex128],
+        NDArray[np.complex128],
+    ]:
+        """States, inputs, parameters and outputs at the unknowns z."""
+        device, columns = self.device, z.shape[1]
+        found = dict(zip(self.unknowns, z, strict=True))
+        x = np.array([found[name] for name in device.states]).reshape(-1, columns)
+        u = np.array(
+            [found.get(name, self.known.get(name)) for name in device.inputs], dtype=np.complex128
+        ).reshape(-1, columns)
+        p = self.block.parameters.astype(np.complex128)
+        first = len(device.parameters)
+        for row, name in enumerate(device.set_points, start=first):
+            p[row] = found[name]
+        y = output_stage(device, x, u, p, source_stage(device, x, p))
+        return x, u, p, y
+
+    def residual(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Derivatives, then target errors, shape (n_unknowns, n_units)."""
+        x, u, p, y = self.split(z)
+        dx = derivative_stage(self.device, x, u, p, y)
+        rows = dict(zip(self.device.states, x, strict=True))
+        rows |= dict(zip(self.device.signal_rows, y, strict=True))
+        errors = [
+            rows[name] - target
+            for name, target in zip(self.device.targets, self.targets, strict=True)
+        ]
+        return np.concatenate([dx, np.array(errors).reshape(-1, z.shape[1])])
+
+    def check(self, solution: NDArray[np.float64]) -> None:
+        """Raise unless every unit has an equilibrium; names the worst unit and equation."""
+        error = np.abs(self.residual(solution.astype(np.complex128)))
+        worst = np.unravel_index(np.argmax(np.nan_to_num(error, nan=np.inf)), error.shape)
+        if error.size and not error[worst] <= _RESIDUAL_LIMIT:
+            equations = [f"d {name}/dt" for name in self.device.states]
+            equations += [f"target {name}" for name in self.device.targets]
+            raise InitializationError(
+                f"{self.device.model} {self.block.units[worst[1]]} has no equilibrium at the "
+                f"power-flow solution: {equations[worst[0]]} is off by {error[worst]:.3g}"
+            )

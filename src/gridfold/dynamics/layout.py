@@ -1,0 +1,194 @@
+"""Where everything stands: device blocks, the state vector and the signal vector.
+
+The signal vector holds all that devices exchange: the states, constants for inputs that no device
+provides, the algebraic outputs of each block, and the terminal voltages (real parts, then imaginary).
+All names are resolved to positions here, none while stepping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import Device, Role
+from gridfold.errors import CaseError
+from gridfold.grid.case import UnitKey
+
+_VOLTAGE_INPUTS = ("voltage_real", "voltage_imag")
+
+
+@dataclass(frozen=True)
+class Block:
+    """All units of one device model.
+
+    Parameters
+    ----------
+    device : Device
+        The model.
+    units : tuple of UnitKey
+        Units, in the order of the columns of all its matrices.
+    parameters : ndarray, shape (n_parameter_rows, n_units)
+        Parameters on the system base, then set points (NaN until the start), then base speed.
+    state_start, signal_start : int
+        Position of its states in the state vector, of its outputs in the signal vector.
+    inputs : ndarray of int, shape (n_inputs, n_units)
+        Position in the signal vector of each input.
+    """
+
+    device: Device
+    units: tuple[UnitKey, ...]
+    parameters: NDArray[np.float64]
+    state_start: int
+    signal_start: int
+    inputs: NDArray[np.int64]
+
+    @property
+    def state_index(self) -> NDArray[np.int64]:
+        """Positions of its states, shape (n_states, n_units)."""
+        return self._index(self.state_start, len(self.device.states))
+
+    @property
+    def signal_index(self) -> NDArray[np.int64]:
+        """Positions of its outputs, shape (n_outputs, n_units)."""
+        return self._index(self.signal_start, len(self.device.signal_rows))
+
+    def _index(self, start: int, rows: int) -> NDArray[np.int64]:
+        return start + np.arange(rows * len(self.units)).reshape(rows, len(self.units))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Blocks in order of evaluation and the positions of all signals.
+
+    `constant_names` are the units and inputs that no device provides; `terminals` are the bus numbers
+    at which machines stand; `sources` are for each machine: position of the real and the imaginary
+    part of its Norton current, and its terminal.
+    """
+
+    blocks: tuple[Block, ...]
+    n_states: int
+    n_signals: int
+    constant_names: tuple[tuple[UnitKey, str], ...]
+    terminals: tuple[int, ...]
+    sources: NDArray[np.int64]
+    source_units: tuple[UnitKey, ...]
+    signal_slots: Mapping[tuple[UnitKey, str], int] = field(repr=False)
+    state_names: tuple[str, ...] = field(repr=False)
+
+    @property
+    def constant_start(self) -> int:
+        """Position of the constants in the signal vector."""
+        return self.n_states
+
+    @property
+    def voltage_start(self) -> int:
+        """Position of the terminal voltages in the signal vector."""
+        return self.n_signals - 2 * len(self.terminals)
+
+
+Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]
+
+
+def build_layout(groups: Sequence[Group]) -> Layout:
+    """Lay out groups of (device, units, parameter rows); roles are put into order of evaluation."""
+    ordered = sorted(groups, key=lambda group: group[0].role)
+    slots: dict[tuple[UnitKey, str], int] = {}
+    providers: dict[tuple[UnitKey, str], str] = {}
+    faults: list[str] = []
+
+    def place(device: Device, units: Sequence[UnitKey], rows: Sequence[str], start: int) -> int:
+        for row, name in enumerate(rows):
+            for column, unit in enumerate(units):
+                other = providers.setdefault((unit, name), device.model)
+                if other != device.model:
+                    faults.append(f"unit {unit}: both {other} and {device.model} give {name}")
+                slots[unit, name] = start + row * len(units) + column
+        return start + len(rows) * len(units)
+
+    state_starts, signal_starts = [], []
+    position = 0
+    for device, units, _ in ordered:
+        state_starts.append(position)
+        position = place(device, units, device.states, position)
+    n_states = position
+    constants = _open_inputs(ordered, slots, faults)
+    for name in constants:
+        slots[name] = position
+        position += 1
+    for device, units, _ in ordered:
+        signal_starts.append(position)
+        position = place(device, units, device.signal_rows, position)
+    terminals, terminal_of = _terminals(ordered)
+    for unit, terminal in terminal_of.items():
+        slots[unit, "voltage_real"] = position + terminal
+        slots[unit, "voltage_imag"] = position + len(terminals) + terminal
+    if faults:
+        raise CaseError(faults, "dynamic devices")
+    blocks = tuple(
+        Block(device, tuple(units), parameters, states, signals, _inputs(device, units, slots))
+        for (device, units, parameters), states, signals in zip(
+            ordered, state_starts, signal_starts, strict=True
+        )
+    )
+    sources = [
+        (slots[unit, device.sources[0]], slots[unit, device.sources[1]], terminal_of[unit])
+        for device, units, _ in ordered
+        if device.role is Role.MACHINE
+        for unit in units
+    ]
+    return Layout(
+        blocks=blocks,
+        n_states=n_states,
+        n_signals=position + 2 * len(terminals),
+        constant_names=tuple(constants),
+        terminals=terminals,
+        sources=np.array(sources, dtype=np.int64).reshape(-1, 3),
+        source_units=tuple(terminal_of),
+        signal_slots=slots,
+        state_names=tuple(_state_names(blocks)),
+    )
+
+
+def _open_inputs(
+    groups: Sequence[Group], slots: Mapping[tuple[UnitKey, str], int], faults: list[str]
+) -> list[tuple[UnitKey, str]]:
+    """Inputs that no device of the unit provides; those that nothing can stand for are faults."""
+    provided = set(slots)
+    for device, units, _ in groups:
+        provided |= {(unit, name) for unit in units for name in device.signal_rows}
+    open_inputs: dict[tuple[UnitKey, str], None] = {}
+    for device, units, _ in groups:
+        for unit in units:
+            for name in device.inputs:
+                is_voltage = device.role is Role.MACHINE and name in _VOLTAGE_INPUTS
+                if is_voltage or (unit, name) in provided:
+                    continue
+                if name not in device.solved_inputs and name not in device.defaults:
+                    faults.append(f"{device.model} {unit}: no device of the unit gives its {name}")
+                open_inputs[unit, name] = None
+    return list(open_inputs)
+
+
+def _terminals(groups: Sequence[Group]) -> tuple[tuple[int, ...], dict[UnitKey, int]]:
+    """Bus numbers with machines, and the position of each machine's bus among them."""
+    units = [u for device, us, _ in groups if device.role is Role.MACHINE for u in us]
+    terminals = tuple(dict.fromkeys(unit.bus for unit in units))
+    place = {bus: position for position, bus in enumerate(terminals)}
+    return terminals, {unit: place[unit.bus] for unit in units}
+
+
+def _inputs(
+    device: Device, units: Sequence[UnitKey], slots: Mapping[tuple[UnitKey, str], int]
+) -> NDArray[np.int64]:
+    index = [[slots.get((unit, name), -1) for unit in units] for name in device.inputs]
+    return np.array(index, dtype=np.int64).reshape(len(device.inputs), len(units))
+
+
+def _state_names(blocks: Sequence[Block]) -> Iterator[str]:
+    for block in blocks:
+        for name in block.device.states:
+            for unit in block.units:
+                yield f"{name}:{unit}"

@@ -1,0 +1,228 @@
+"""The detailed model: every device and the whole network, for one network state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.assemble import assemble, negative_loads
+from gridfold.dynamics.device import Device
+from gridfold.dynamics.initialize import Start, initialize
+from gridfold.dynamics.jacobian import model_jacobian
+from gridfold.dynamics.layout import Layout, build_layout
+from gridfold.dynamics.network import (
+    Injections,
+    NetworkBackend,
+    NetworkEquations,
+    build_equations,
+    compile_network,
+)
+from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.rhs import pack_rhs
+from gridfold.errors import InitializationError
+from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.network_state import NetworkState
+from gridfold.grid.timeline import initial_state
+from gridfold.numerics.rhs import CompiledRhs
+from gridfold.powerflow.newton import solve_power_flow
+from gridfold.powerflow.result import PowerFlowResult
+
+#: Residual of the equilibrium below which nothing is said, and above which the model is refused.
+RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
+
+
+@dataclass(frozen=True)
+class DetailedModel:
+    """All dynamic devices of a case on its network in one state: x' = f(x).
+
+    Build it with :func:`build_model`; :meth:`for_state` gives the same devices on another network.
+
+    Parameters
+    ----------
+    power_flow : PowerFlowResult
+        The operating point.
+    layout : Layout
+        Device blocks and the positions of all states and signals.
+    x0 : ndarray, shape (n_states,)
+        The equilibrium of the intact network.
+    constants : ndarray
+        Inputs that no device provides.
+    injections : Injections
+        Admittances of loads and machines.
+    backend : NetworkBackend
+        How the network equations are solved.
+    state : NetworkState
+        The network state.
+    equations : NetworkEquations
+        The network equations in that state.
+    compiled : CompiledRhs
+        The right-hand side.
+    warnings : tuple of str
+        What was noticed while building.
+    """
+
+    power_flow: PowerFlowResult
+    layout: Layout
+    x0: NDArray[np.float64]
+    constants: NDArray[np.float64]
+    injections: Injections
+    backend: NetworkBackend
+    state: NetworkState
+    equations: NetworkEquations
+    compiled: CompiledRhs = field(repr=False)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def case(self) -> Case:
+        """The case."""
+        return self.power_flow.case
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """``name:BUS:ID`` of each state."""
+        return self.layout.state_names
+
+    @property
+    def n_states(self) -> int:
+        """Length of the state vector."""
+        return self.layout.n_states
+
+    @cached_property
+    def machines(self) -> tuple[UnitKey, ...]:
+        """Units that have a rotor, in order of the case's generators."""
+        return tuple(
+            u for u in self._source_order if (u, "rotor_angle") in self.layout.signal_slots
+        )
+
+    @property
+    def _source_order(self) -> Iterator[UnitKey]:
+        present = set(self.layout.source_units)
+        return (g.key for g in self.case.generators if g.key in present)
+
+    def slots(self, name: str, units: tuple[UnitKey, ...]) -> NDArray[np.int64]:
+        """Position in the signal vector (states come first) of signal `name` of `units`."""
+        return np.array([self.layout.signal_slots[unit, name] for unit in units], dtype=np.int64)
+
+    def inertia(self, units: tuple[UnitKey, ...]) -> NDArray[np.float64]:
+        """Inertia constant H of `units` in s on the system base, shape (n_units,)."""
+        found: dict[UnitKey, float] = {}
+        for block in self.layout.blocks:
+            if "inertia" in block.device.parameter_rows:
+                row = block.parameters[block.device.parameter_rows.index("inertia")]
+                found |= dict(zip(block.units, row, strict=True))
+        return np.array([found[unit] for unit in units])
+
+    def for_state(self, state: NetworkState) -> DetailedModel:
+        """The same devices on the network in another state."""
+        if state == self.state:
+            return self
+        equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
+        network = compile_network(equations, self.backend)
+        compiled = pack_rhs(self.layout, self.constants, network, state.units_out)
+        return replace(self, state=state, equations=equations, compiled=compiled)
+
+    def signals(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signal vectors at the states (n_times, n_states): shape (n_times, n_signals)."""
+        return self.compiled.work_along(states, self.layout.n_signals)
+
+    def bus_voltages(self, signals: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Voltage phasor of every bus in per unit, shape (n_times, n_buses)."""
+        currents = np.zeros((len(self.layout.terminals), len(signals)), dtype=np.complex128)
+        for (real, imag, terminal), unit in zip(
+            self.layout.sources, self.layout.source_units, strict=True
+        ):
+            if unit not in self.state.units_out:
+                currents[terminal] += signals[:, real] + 1j * signals[:, imag]
+        return self.equations.bus_voltages(currents).T
+
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """df/dx at the state `x`, shape (n_states, n_states); exact to rounding."""
+        signals = self.signals(np.asarray(x, dtype=float)[None, :])[0]
+        impedance = self.equations.terminal_impedance()
+        return model_jacobian(self.layout, impedance, self.state.units_out, x, signals)
+
+
+def build_model(
+    case: Case,
+    power_flow: PowerFlowResult | None = None,
+    backend: NetworkBackend = NetworkBackend.AUTO,
+    devices: Mapping[str, Device] = DEVICES,
+) -> DetailedModel:
+    """Build the detailed model of a case at the equilibrium of its power flow.
+
+    Parameters
+    ----------
+    case : Case
+        The case, with device records.
+    power_flow : PowerFlowResult, optional
+        Its solution; solved here if not given.
+    backend : NetworkBackend
+        How the network equations are solved.
+    devices : mapping
+        Device models by name; pass your own beside ``DEVICES`` to use them.
+
+    Raises
+    ------
+    CaseError
+        The case or its device records are wrong; lists every fault.
+    PowerFlowError
+        The power flow has no solution.
+    InitializationError
+        A device has no equilibrium there: names device and equation.
+    """
+    solved = solve_power_flow(case) if power_flow is None else power_flow
+    layout = build_layout(assemble(case, devices))
+    start = initialize(layout, solved)
+    injections = _injections(solved, start.layout)
+    state = initial_state(case)
+    equations = build_equations(solved, injections, layout.terminals, state)
+    compiled = pack_rhs(start.layout, start.constants, compile_network(equations, backend))
+    warnings = _check_equilibrium(start, compiled)
+    return DetailedModel(
+        solved,
+        start.layout,
+        start.x0,
+        start.constants,
+        injections,
+        backend,
+        state,
+        equations,
+        compiled,
+        warnings,
+    )
+
+
+def _injections(power_flow: PowerFlowResult, layout: Layout) -> Injections:
+    case = power_flow.case
+    squared = np.abs(power_flow.voltage) ** 2
+    absorbed = negative_loads(case)
+    negative = {
+        g.key: -complex(np.conj(power) / squared[case.bus_index[g.bus]])
+        for g, power in zip(case.generators, power_flow.unit_power, strict=True)
+        if g.key in absorbed and g.in_service
+    }
+    machine: dict[UnitKey, complex] = {}
+    for block in layout.blocks:
+        if block.device.admittance is not None:
+            rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
+            values = block.device.admittance(rows)
+            machine |= dict(zip(block.units, values.tolist(), strict=True))
+    return Injections(np.conj(power_flow.load_power) / squared, negative, machine)
+
+
+def _check_equilibrium(start: Start, rhs: CompiledRhs) -> tuple[str, ...]:
+    residual = np.abs(rhs(start.x0)) if rhs.n_states else np.zeros(1)
+    worst = int(np.argmax(np.nan_to_num(residual, nan=np.inf)))
+    if residual[worst] < RESIDUAL_GOOD:
+        return ()
+    message = (
+        f"at the start d({start.layout.state_names[worst]})/dt is {residual[worst]:.3g}, "
+        f"not 0 (below {RESIDUAL_GOOD:g})"
+    )
+    if not residual[worst] < RESIDUAL_LIMIT:
+        raise InitializationError(message)
+    return (message,)

@@ -1,0 +1,189 @@
+"""The network equations of one network state.
+
+Loads are constant admittances at the initial voltage, machines are Norton equivalents, faulted buses
+are shunted by the fault admittance or, if bolted, held at zero voltage. What an event leaves without a
+machine is de-energized: its voltages are zero and its load is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from gridfold.errors import NetworkError
+from gridfold.grid.admittance import branch_admittances, bus_admittance, split_branch
+from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.islands import Islands, find_islands
+from gridfold.grid.network_state import NetworkState
+from gridfold.powerflow.result import PowerFlowResult
+
+
+@dataclass(frozen=True)
+class Injections:
+    """What stands at the buses, whatever the network state.
+
+    Parameters
+    ----------
+    load : ndarray of complex, shape (n_buses,)
+        Admittance of loads in per unit.
+    negative_load : mapping
+        Admittance of each generator that is a negative load, by unit.
+    machine : mapping
+        Norton admittance of each machine, by unit.
+    """
+
+    load: NDArray[np.complex128]
+    negative_load: Mapping[UnitKey, complex]
+    machine: Mapping[UnitKey, complex]
+
+
+@dataclass(frozen=True)
+class NetworkEquations:
+    """Y V = I over the live buses of one network state.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n_live, n_live)
+        Admittances, of which all nodes that are dead or at zero voltage have been removed.
+    live : ndarray of int, shape (n_live,)
+        Position of each row among the buses; nodes inside branches come after the last bus.
+    terminals : ndarray of int, shape (n_terminals,)
+        Row of each machine terminal; -1 where its voltage is zero.
+    n_buses : int
+        Number of buses.
+    islands : Islands
+        Islands of this network state.
+    """
+
+    matrix: csc_array
+    live: NDArray[np.int64]
+    terminals: NDArray[np.int64]
+    n_buses: int
+    islands: Islands
+
+    @cached_property
+    def factors(self) -> SuperLU:
+        """Sparse factors of the matrix, in a symmetric ordering without pivoting."""
+        try:
+            return splu(
+                self.matrix,
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise NetworkError(f"the admittance matrix cannot be factored: {error}") from None
+
+    def bus_voltages(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Voltage of every bus, (n_buses, k), from currents at the terminals, (n_terminals, k)."""
+        present = self.terminals >= 0
+        injected = np.zeros((len(self.live), currents.shape[1]), dtype=np.complex128)
+        injected[self.terminals[present]] = currents[present]
+        voltage = np.zeros((self.n_buses, currents.shape[1]), dtype=np.complex128)
+        real_buses = self.live < self.n_buses
+        voltage[self.live[real_buses]] = self.factors.solve(injected)[real_buses]
+        return voltage
+
+    def terminal_impedance(self) -> NDArray[np.complex128]:
+        """Impedance matrix seen from the terminals, shape (n_terminals, n_terminals)."""
+        present = np.flatnonzero(self.terminals >= 0)
+        units = np.zeros((len(self.live), len(present)), dtype=np.complex128)
+        units[self.terminals[present], np.arange(len(present))] = 1.0
+        impedance = np.zeros((len(self.terminals),) * 2, dtype=np.complex128)
+        if len(present):
+            solution = self.factors.solve(units)[self.terminals[present]]
+            impedance[np.ix_(present, present)] = solution
+        return impedance
+
+
+def build_equations(
+    power_flow: PowerFlowResult,
+    injections: Injections,
+    terminal_buses: tuple[int, ...],
+    state: NetworkState,
+) -> NetworkEquations:
+    """Network equations of `state`."""
+    case = power_flow.case
+    index = case.bus_index
+    n = len(case.buses)
+    faulted = {point.branch for point in state.branch_faults}
+    machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
+    islands = find_islands(case, state.branches_out, (unit.bus for unit in machines))
+    shunt = injections.load.copy()
+    for unit, admittance in (*injections.negative_load.items(), *machines.items()):
+        if unit not in state.units_out:
+            shunt[index[unit.bus]] += admittance
+    for bus, power in state.load_steps:
+        squared = abs(power_flow.voltage[index[bus]]) ** 2
+        shunt[index[bus]] += np.conj(power) / case.base_mva / squared
+    extra, grounded, size = _fault_entries(case, state, shunt)
+    matrix = bus_admittance(case, state.branches_out | faulted)
+    rows, columns, values = extra
+    diagonal = np.arange(n)
+    entries = coo_array(
+        (
+            np.concatenate([matrix.tocoo().data, shunt, values]),
+            (
+                np.concatenate([matrix.tocoo().row, diagonal, rows]),
+                np.concatenate([matrix.tocoo().col, diagonal, columns]),
+            ),
+        ),
+        shape=(size, size),
+    ).tocsc()
+    alive = np.ones(size, dtype=bool)
+    alive[:n] = islands.energized
+    alive[sorted(grounded)] = False
+    live = np.flatnonzero(alive)
+    row_of = np.full(size, -1)
+    row_of[live] = np.arange(len(live))
+    at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
+    return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands)
+
+
+def _fault_entries(
+    case: Case, state: NetworkState, shunt: NDArray[np.complex128]
+) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.complex128]], set[int], int]:
+    """Matrix entries that faults add, nodes at zero voltage, and the number of nodes."""
+    index = case.bus_index
+    grounded: set[int] = set()
+    rows: list[int] = []
+    columns: list[int] = []
+    values: list[complex] = []
+    for bus, impedance in state.bus_faults:
+        if impedance == 0:
+            grounded.add(index[bus])
+        else:
+            shunt[index[bus]] += 1 / impedance
+    node = len(case.buses)
+    for point in sorted(state.branch_faults, key=lambda point: point[:2]):
+        branch = case.branches[point.branch]
+        parts, middle = branch_admittances(split_branch(branch, point.fraction)), node
+        first, second = index[branch.from_bus], index[branch.to_bus]
+        for part, (start, end) in enumerate(((first, middle), (middle, second))):
+            rows += [start, start, end, end]
+            columns += [start, end, start, end]
+            values += [
+                parts.from_from[part],
+                parts.from_to[part],
+                parts.to_from[part],
+                parts.to_to[part],
+            ]
+        if point.impedance == 0:
+            grounded.add(node)
+        else:
+            rows.append(node)
+            columns.append(node)
+            values.append(1 / point.impedance)
+        node += 1
+    entries = (
+        np.array(rows, dtype=np.int64),
+        np.array(columns, dtype=np.int64),
+        np.array(values, dtype=np.complex128),
+    )
+    return entries, grounded, node

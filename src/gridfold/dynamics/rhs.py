@@ -1,0 +1,241 @@
+"""The compiled right-hand side of the detailed model.
+
+One function serves every grid: it walks over a table of kernel calls. Its two data blocks are written
+by :func:`pack_rhs` and read by :func:`_detailed_rhs`, both here, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import Kernel, compiled_kernel
+from gridfold.dynamics.layout import Block, Layout
+from gridfold.dynamics.network.backend import CompiledNetwork
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.compiled import FAST, compile_callback, invoke, matrix_view
+from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+
+# Header of the integers.
+(
+    N_STATES,
+    N_CONSTANTS,
+    N_SIGNALS,
+    N_TERMINALS,
+    N_SOURCE_CALLS,
+    N_OUTPUT_CALLS,
+    N_DERIVATIVE_CALLS,
+    N_SOURCES,
+    SOURCES_AT,
+    N_FROZEN,
+    FROZEN_AT,
+    NETWORK_ADDRESS,
+    NETWORK_INTEGERS_AT,
+    NETWORK_INTEGERS,
+    NETWORK_REALS_AT,
+    NETWORK_REALS,
+    CONSTANTS_AT,
+    INPUTS_AT,
+    N_INPUTS,
+    CALLS_AT,
+) = range(20)
+_HEADER = 20
+
+# Columns of the table of kernel calls, which follows the header.
+(
+    ADDRESS,
+    UNITS,
+    STATE_ROWS,
+    STATES_AT,
+    INPUT_ROWS,
+    INPUT_INDEX_AT,
+    PARAMETER_ROWS,
+    PARAMETERS_AT,
+    SIGNAL_ROWS,
+    SIGNALS_AT,
+) = range(10)
+_COLUMNS = 10
+
+
+class _Store:
+    """A growing data block that tells where each part was put."""
+
+    def __init__(self, dtype: type, start: int = 0):
+        self.dtype = dtype
+        self.parts: list[NDArray[Any]] = []
+        self.size = start
+
+    def add(self, values: Any) -> int:
+        """Append `values`; return their position."""
+        part = np.asarray(values, dtype=self.dtype).ravel()
+        self.parts.append(part)
+        self.size += part.size
+        return self.size - part.size
+
+    def join(self) -> NDArray[Any]:
+        """All parts in one array."""
+        return np.concatenate([*self.parts, np.zeros(0, dtype=self.dtype)])
+
+
+def pack_rhs(
+    layout: Layout,
+    constants: NDArray[np.float64],
+    network: CompiledNetwork,
+    units_out: Collection[UnitKey] = (),
+) -> CompiledRhs:
+    """Right-hand side of the model `layout` on `network`.
+
+    Units that are out inject no current and keep their states.
+    """
+    stages = [
+        [(block, kernel) for block in layout.blocks if (kernel := pick(block)) is not None]
+        for pick in (_source, _output, _derivative)
+    ]
+    n_calls = sum(len(stage) for stage in stages)
+    integers = _Store(np.int64, start=_HEADER + n_calls * _COLUMNS)
+    reals = _Store(np.float64)
+    data_at = {
+        block.device.model: (integers.add(block.inputs), reals.add(block.parameters))
+        for block in layout.blocks
+    }
+    calls = [
+        _call_row(block, kernel, *data_at[block.device.model])
+        for stage in stages
+        for block, kernel in stage
+    ]
+    live = [unit not in units_out for unit in layout.source_units]
+    sources = layout.sources[live]
+    frozen = _frozen_states(layout, units_out)
+    n_inputs = max((block.inputs.size for block in layout.blocks), default=0)
+    header = np.zeros(_HEADER, dtype=np.int64)
+    header[N_STATES] = layout.n_states
+    header[N_CONSTANTS] = len(constants)
+    header[N_SIGNALS] = layout.n_signals
+    header[N_TERMINALS] = len(layout.terminals)
+    header[[N_SOURCE_CALLS, N_OUTPUT_CALLS, N_DERIVATIVE_CALLS]] = [len(s) for s in stages]
+    header[[N_SOURCES, SOURCES_AT]] = len(sources), integers.add(sources)
+    header[[N_FROZEN, FROZEN_AT]] = len(frozen), integers.add(frozen)
+    header[NETWORK_ADDRESS] = network.address
+    header[[NETWORK_INTEGERS_AT, NETWORK_INTEGERS]] = (
+        integers.add(network.integers), network.integers.size,
+    )  # fmt: skip
+    header[[NETWORK_REALS_AT, NETWORK_REALS]] = reals.add(network.reals), network.reals.size
+    header[CONSTANTS_AT] = reals.add(constants)
+    header[INPUTS_AT] = layout.n_signals + 2 * len(layout.terminals)
+    header[N_INPUTS] = n_inputs
+    header[CALLS_AT] = _HEADER
+    table = np.array(calls, dtype=np.int64).ravel()
+    return CompiledRhs(
+        address=_compiled().address,
+        integers=np.concatenate([header, table, integers.join()]),
+        reals=reals.join(),
+        work_size=int(header[INPUTS_AT]) + n_inputs + network.scratch_size,
+        n_states=layout.n_states,
+    )
+
+
+def _source(block: Block) -> Kernel | None:
+    return block.device.source
+
+
+def _output(block: Block) -> Kernel | None:
+    return block.device.output
+
+
+def _derivative(block: Block) -> Kernel | None:
+    return block.device.derivative
+
+
+def _call_row(block: Block, kernel: Kernel, inputs_at: int, parameters_at: int) -> list[int]:
+    row = [0] * _COLUMNS
+    row[ADDRESS] = compiled_kernel(kernel).address
+    row[UNITS] = len(block.units)
+    row[STATE_ROWS] = len(block.device.states)
+    row[STATES_AT] = block.state_start
+    row[INPUT_ROWS] = 0 if kernel is block.device.source else len(block.device.inputs)
+    row[INPUT_INDEX_AT] = inputs_at
+    row[PARAMETER_ROWS] = len(block.device.parameter_rows)
+    row[PARAMETERS_AT] = parameters_at
+    row[SIGNAL_ROWS] = len(block.device.signal_rows)
+    row[SIGNALS_AT] = block.signal_start
+    return row
+
+
+def _frozen_states(layout: Layout, units_out: Collection[UnitKey]) -> list[int]:
+    return [
+        int(index)
+        for block in layout.blocks
+        for unit, column in zip(block.units, block.state_index.T, strict=True)
+        if unit in units_out
+        for index in column
+    ]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _run_calls(first, count, integers, reals, work, x, dx):
+    """Gather the inputs of each call and make it."""
+    inputs_at = integers[INPUTS_AT]
+    for c in range(first, first + count):
+        at = integers[CALLS_AT] + c * _COLUMNS
+        units = integers[at + UNITS]
+        gathered = integers[at + INPUT_ROWS] * units
+        index_at = integers[at + INPUT_INDEX_AT]
+        for k in range(gathered):
+            work[inputs_at + k] = work[integers[index_at + k]]
+        invoke(
+            integers[at + ADDRESS],
+            (
+                matrix_view(x, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
+                matrix_view(work, inputs_at, integers[at + INPUT_ROWS], units),
+                matrix_view(
+                    reals, integers[at + PARAMETERS_AT], integers[at + PARAMETER_ROWS], units
+                ),
+                matrix_view(work, integers[at + SIGNALS_AT], integers[at + SIGNAL_ROWS], units),
+                matrix_view(dx, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
+            ),
+        )
+
+
+def _detailed_rhs(integers, reals, work, x, dx):
+    n, n_constants = integers[N_STATES], integers[N_CONSTANTS]
+    n_terminals, n_signals = integers[N_TERMINALS], integers[N_SIGNALS]
+    for i in range(n):
+        work[i] = x[i]
+    for i in range(n_constants):
+        work[n + i] = reals[integers[CONSTANTS_AT] + i]
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
+    _run_calls(0, n_source, integers, reals, work, x, dx)
+    currents = work[n_signals : n_signals + 2 * n_terminals]
+    voltages = work[n_signals - 2 * n_terminals : n_signals]
+    for t in range(2 * n_terminals):
+        currents[t] = 0.0
+    for s in range(integers[N_SOURCES]):
+        at = integers[SOURCES_AT] + 3 * s
+        terminal = integers[at + 2]
+        currents[terminal] += work[integers[at]]
+        currents[n_terminals + terminal] += work[integers[at + 1]]
+    i_at, r_at = integers[NETWORK_INTEGERS_AT], integers[NETWORK_REALS_AT]
+    invoke(
+        integers[NETWORK_ADDRESS],
+        (
+            integers[i_at : i_at + integers[NETWORK_INTEGERS]],
+            reals[r_at : r_at + integers[NETWORK_REALS]],
+            currents,
+            voltages,
+            work[integers[INPUTS_AT] + integers[N_INPUTS] :],
+        ),
+    )
+    _run_calls(n_source, n_output, integers, reals, work, x, dx)
+    _run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
+    for k in range(integers[N_FROZEN]):
+        dx[integers[integers[FROZEN_AT] + k]] = 0.0
+
+
+@cache
+def _compiled() -> Any:
+    return compile_callback(_detailed_rhs, RHS_SIGNATURE)

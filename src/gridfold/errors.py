@@ -1,0 +1,70 @@
+"""The exceptions of gridfold, all under one root.
+
+::
+
+    GridfoldError
+    ├── CaseError             the case data are wrong (lists every fault found)
+    │   └── CaseFileError     a case file cannot be read
+    ├── EventError            an event is malformed, or names something that is not in the case
+    ├── OptionError           a setting (step, criterion, method ...) is out of its range
+    ├── PowerFlowError        the power flow has no solution, or none was found
+    ├── InitializationError   the dynamic model has no equilibrium at the power-flow solution
+    ├── NetworkError          the network equations of one network state cannot be solved
+    └── OutputError           a result cannot be written
+
+What a simulation *finds* (loss of synchronism, non-finite states) is not an exception: it is the
+:class:`gridfold.Status` of the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class GridfoldError(Exception):
+    """Root of everything that gridfold raises on purpose."""
+
+
+class CaseError(GridfoldError):
+    """The case data are wrong.
+
+    Parameters
+    ----------
+    faults : sequence of str
+        Every fault found, one line each.
+    where : str
+        The case or file in which they were found.
+    """
+
+    def __init__(self, faults: Sequence[str] | str, where: str = "case"):
+        self.faults = [faults] if isinstance(faults, str) else list(faults)
+        count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
+        super().__init__(f"{where}: {count}\n" + "\n".join(f"  {fault}" for fault in self.faults))
+
+
+class CaseFileError(CaseError):
+    """A case file is missing or cannot be read."""
+
+
+class EventError(GridfoldError):
+    """An event is malformed, or names something that is not in the case."""
+
+
+class OptionError(GridfoldError):
+    """A setting is out of its range."""
+
+
+class PowerFlowError(GridfoldError):
+    """The power flow has no solution, or none was found."""
+
+
+class InitializationError(GridfoldError):
+    """The dynamic model has no equilibrium at the power-flow solution."""
+
+
+class NetworkError(GridfoldError):
+    """The network equations of one network state cannot be solved."""
+
+
+class OutputError(GridfoldError):
+    """A result cannot be written."""

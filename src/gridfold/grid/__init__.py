@@ -1,0 +1,1 @@
+"""Grids as pure data: cases, network states, events. Knows no dynamics and no files."""

@@ -1,0 +1,81 @@
+"""The bus admittance matrix.
+
+Branch model: an ideal transformer of ratio t = ratio * exp(j shift) at the first bus, followed by a
+pi section (Machowski, Bialek, Bumby, Power System Dynamics, 2nd ed., section 3.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+
+from gridfold.grid.case import Branch, Case
+
+
+@dataclass(frozen=True)
+class BranchAdmittances:
+    """Entries of the two-port admittance matrices of branches, each of shape (n_branches,)."""
+
+    from_from: NDArray[np.complex128]
+    from_to: NDArray[np.complex128]
+    to_from: NDArray[np.complex128]
+    to_to: NDArray[np.complex128]
+
+
+def branch_admittances(branches: Collection[Branch]) -> BranchAdmittances:
+    """Two-port admittances of branches in per unit, whether in service or not."""
+    series = 1 / np.array([complex(b.resistance, b.reactance) for b in branches], dtype=complex)
+    charging = 0.5j * np.array([b.susceptance for b in branches], dtype=float)
+    ratio = np.array([b.ratio for b in branches], dtype=float)
+    shift = np.deg2rad(np.array([b.shift_deg for b in branches], dtype=float))
+    tap = ratio * np.exp(1j * shift)
+    return BranchAdmittances(
+        from_from=(series + charging) / ratio**2,
+        from_to=-series / np.conj(tap),
+        to_from=-series / tap,
+        to_to=series + charging,
+    )
+
+
+def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> csc_array:
+    """Admittance matrix of branches and fixed shunts in per unit, shape (n_buses, n_buses).
+
+    `branches_out` are the positions of open branches; by default those out of service in the case.
+    """
+    is_out = case.branches_out if branches_out is None else branches_out
+    kept = [branch for position, branch in enumerate(case.branches) if position not in is_out]
+    y = branch_admittances(kept)
+    index = case.bus_index
+    first = np.array([index[branch.from_bus] for branch in kept], dtype=np.int64)
+    second = np.array([index[branch.to_bus] for branch in kept], dtype=np.int64)
+    shunts = [shunt for shunt in case.shunts if shunt.in_service]
+    at = np.array([index[shunt.bus] for shunt in shunts], dtype=np.int64)
+    power = np.array([complex(s.conductance_mw, s.susceptance_mvar) for s in shunts], dtype=complex)
+    values = (y.from_from, y.from_to, y.to_from, y.to_to, power / case.base_mva)
+    rows = (first, first, second, second, at)
+    columns = (first, second, first, second, at)
+    n = len(case.buses)
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return coo_array(entries, shape=(n, n)).tocsc()
+
+
+def split_branch(branch: Branch, fraction: float) -> tuple[Branch, Branch]:
+    """The two parts of a branch on either side of a point inside it.
+
+    Series impedance and charging are divided in proportion; the transformer stays at the first bus.
+    The bus numbers of both parts are those of the branch: the caller connects the middle.
+    """
+    near, far = (
+        replace(
+            branch,
+            resistance=branch.resistance * part,
+            reactance=branch.reactance * part,
+            susceptance=branch.susceptance * part,
+        )
+        for part in (fraction, 1 - fraction)
+    )
+    return near, replace(far, ratio=1.0, shift_deg=0.0)

@@ -1,0 +1,317 @@
+"""Disturbances as small records.
+
+An event says what it changes in the :class:`~gridfold.grid.network_state.NetworkState`, and when.
+To add one, write a frozen dataclass with a ``changes(case)`` method and put it into :data:`EVENTS`.
+
+Branches are named ``FROM-TO`` or ``FROM-TO:CIRCUIT``, from either end.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+from gridfold.errors import EventError
+from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.network_state import BranchFaultPoint, NetworkState
+
+
+class Change(NamedTuple):
+    """One switching action: when, what it is called, and what it does to the network state."""
+
+    time: float
+    label: str
+    apply: Callable[[NetworkState], NetworkState]
+
+
+class Event(Protocol):
+    """A disturbance of the grid."""
+
+    def changes(self, case: Case) -> list[Change]:
+        """The switching actions; raises :class:`EventError` if something is not in the case."""
+
+
+@dataclass(frozen=True)
+class BusFault:
+    """A three-phase fault at a bus.
+
+    Parameters
+    ----------
+    bus : int
+        Bus number.
+    start, duration : float
+        Time of the fault and of its clearing after that, in seconds.
+    resistance, reactance : float
+        Fault impedance in per unit on the system base; 0 is a bolted fault.
+    trip_bus : bool
+        False: the fault clears itself. True: it is cleared by tripping every branch at the bus.
+    """
+
+    bus: int
+    start: float = 0.0
+    duration: float = 0.1
+    resistance: float = 0.0
+    reactance: float = 0.0
+    trip_bus: bool = False
+
+    def changes(self, case: Case) -> list[Change]:
+        """Fault on; fault off, with all branches at the bus if `trip_bus`."""
+        where = f"fault at bus {self.bus}"
+        _check_window(where, self.start, self.duration)
+        _check_impedance(where, self.resistance, self.reactance)
+        _check_bus(where, case, self.bus)
+        fault = (self.bus, complex(self.resistance, self.reactance))
+        opened = _branches_at(case, self.bus) if self.trip_bus else frozenset()
+
+        def put_on(state: NetworkState) -> NetworkState:
+            if any(bus == self.bus for bus, _ in state.bus_faults):
+                raise EventError(f"{where}: the bus is faulted already at {self.start:g} s")
+            return replace(state, bus_faults=state.bus_faults | {fault})
+
+        def clear(state: NetworkState) -> NetworkState:
+            return replace(
+                state,
+                bus_faults=state.bus_faults - {fault},
+                branches_out=state.branches_out | opened,
+            )
+
+        cleared = f"bus {self.bus} tripped" if self.trip_bus else f"{where} cleared"
+        return [
+            Change(self.start, where, put_on),
+            Change(self.start + self.duration, cleared, clear),
+        ]
+
+
+@dataclass(frozen=True)
+class BranchFault:
+    """A three-phase fault on a line or transformer, cleared by tripping it.
+
+    Parameters
+    ----------
+    branch : str
+        ``FROM-TO`` or ``FROM-TO:CIRCUIT``.
+    start, duration : float
+        Time of the fault and of its clearing after that, in seconds.
+    fraction : float
+        Where: 0 at the bus named first, 1 at the other, in between a part of the length.
+    resistance, reactance : float
+        Fault impedance in per unit on the system base; 0 is a bolted fault.
+    trip : bool
+        True: cleared by tripping the branch. False: the fault clears itself.
+    """
+
+    branch: str
+    start: float = 0.0
+    duration: float = 0.1
+    fraction: float = 0.0
+    resistance: float = 0.0
+    reactance: float = 0.0
+    trip: bool = True
+
+    def changes(self, case: Case) -> list[Change]:
+        """Fault on; fault off and branch out."""
+        where = f"fault on branch {self.branch}"
+        _check_window(where, self.start, self.duration)
+        _check_impedance(where, self.resistance, self.reactance)
+        if not 0 <= self.fraction <= 1:
+            raise EventError(f"{where}: fraction must lie between 0 and 1, not {self.fraction!r}")
+        position, turned = find_branch(case, self.branch, where)
+        fraction = 1 - self.fraction if turned else self.fraction
+        branch = case.branches[position]
+        impedance = complex(self.resistance, self.reactance)
+        point = BranchFaultPoint(position, fraction, impedance)
+        end = {0.0: branch.from_bus, 1.0: branch.to_bus}.get(fraction)
+        fault = None if end is None else (end, impedance)
+
+        def put_on(state: NetworkState) -> NetworkState:
+            _require_closed(state, position, where, self.start)
+            if fault is None:
+                return replace(state, branch_faults=state.branch_faults | {point})
+            if any(bus == end for bus, _ in state.bus_faults):
+                raise EventError(f"{where}: bus {end} is faulted already at {self.start:g} s")
+            return replace(state, bus_faults=state.bus_faults | {fault})
+
+        def clear(state: NetworkState) -> NetworkState:
+            return replace(
+                state,
+                bus_faults=state.bus_faults - {fault},
+                branch_faults=state.branch_faults - {point},
+                branches_out=state.branches_out | ({position} if self.trip else set()),
+            )
+
+        cleared = f"branch {self.branch} tripped" if self.trip else f"{where} cleared"
+        return [
+            Change(self.start, where, put_on),
+            Change(self.start + self.duration, cleared, clear),
+        ]
+
+
+@dataclass(frozen=True)
+class BranchTrip:
+    """A branch (``FROM-TO`` or ``FROM-TO:CIRCUIT``) is opened at `time` (s)."""
+
+    branch: str
+    time: float = 0.0
+
+    def changes(self, case: Case) -> list[Change]:
+        """The branch goes out of service."""
+        where = f"trip of branch {self.branch}"
+        _check_time(where, "time", self.time)
+        position, _ = find_branch(case, self.branch, where)
+
+        def apply(state: NetworkState) -> NetworkState:
+            _require_closed(state, position, where, self.time)
+            return replace(state, branches_out=state.branches_out | {position})
+
+        return [Change(self.time, f"branch {self.branch} tripped", apply)]
+
+
+@dataclass(frozen=True)
+class BranchReclose:
+    """A branch (``FROM-TO`` or ``FROM-TO:CIRCUIT``) that is open is closed at `time` (s)."""
+
+    branch: str
+    time: float = 0.0
+
+    def changes(self, case: Case) -> list[Change]:
+        """The branch comes back into service."""
+        where = f"reclosing of branch {self.branch}"
+        _check_time(where, "time", self.time)
+        position, _ = find_branch(case, self.branch, where)
+
+        def apply(state: NetworkState) -> NetworkState:
+            if position not in state.branches_out:
+                raise EventError(f"{where}: it is not open at {self.time:g} s")
+            return replace(state, branches_out=state.branches_out - {position})
+
+        return [Change(self.time, f"branch {self.branch} reclosed", apply)]
+
+
+@dataclass(frozen=True)
+class MachineTrip:
+    """The unit `id` at `bus` is disconnected at `time` (s); its states are frozen from then on."""
+
+    bus: int
+    id: str = "1"
+    time: float = 0.0
+
+    def changes(self, case: Case) -> list[Change]:
+        """The unit is disconnected."""
+        key = UnitKey(self.bus, str(self.id))
+        where = f"trip of machine {key}"
+        _check_time(where, "time", self.time)
+        _check_bus(where, case, self.bus)
+        if not any(g.key == key and g.in_service for g in case.generators):
+            known = ", ".join(str(g.key) for g in case.generators if g.bus == self.bus) or "none"
+            raise EventError(f"{where}: no such machine in service (at bus {self.bus}: {known})")
+
+        def apply(state: NetworkState) -> NetworkState:
+            if key in state.units_out:
+                raise EventError(f"{where}: it is out already at {self.time:g} s")
+            return replace(state, units_out=state.units_out | {key})
+
+        return [Change(self.time, f"machine {key} tripped", apply)]
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """Load is added at `bus` at `time` (s), as a constant impedance.
+
+    `active_mw` and `reactive_mvar` are what it draws at the bus's initial voltage; negative values
+    shed load.
+    """
+
+    bus: int
+    time: float = 0.0
+    active_mw: float = 0.0
+    reactive_mvar: float = 0.0
+
+    def changes(self, case: Case) -> list[Change]:
+        """The load is added."""
+        where = f"load step at bus {self.bus}"
+        _check_time(where, "time", self.time)
+        _check_bus(where, case, self.bus)
+        for name in ("active_mw", "reactive_mvar"):
+            if not math.isfinite(getattr(self, name)):
+                raise EventError(f"{where}: {name} must be finite, not {getattr(self, name)!r}")
+        step = (self.bus, complex(self.active_mw, self.reactive_mvar))
+
+        def apply(state: NetworkState) -> NetworkState:
+            return replace(state, load_steps=(*state.load_steps, step))
+
+        label = f"load at bus {self.bus} {self.active_mw:+g} MW {self.reactive_mvar:+g} Mvar"
+        return [Change(self.time, label, apply)]
+
+
+#: Name of each kind of event in files and on the command line.
+EVENTS: Mapping[str, type] = {
+    "bus-fault": BusFault,
+    "branch-fault": BranchFault,
+    "branch-trip": BranchTrip,
+    "branch-reclose": BranchReclose,
+    "machine-trip": MachineTrip,
+    "load-step": LoadStep,
+}
+
+
+def find_branch(case: Case, name: str, where: str) -> tuple[int, bool]:
+    """Position of the branch called `name`, and whether it is named from its second bus."""
+    match = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?::\s*(\S+?)\s*)?", str(name))
+    if match is None:
+        raise EventError(f"{where}: a branch is named FROM-TO or FROM-TO:CIRCUIT, not {name!r}")
+    first, second, circuit = int(match[1]), int(match[2]), match[3]
+    parallel = [
+        position
+        for position, branch in enumerate(case.branches)
+        if {branch.from_bus, branch.to_bus} == {first, second}
+    ]
+    found = [k for k in parallel if circuit in (None, case.branches[k].circuit)]
+    if len(found) == 1:
+        return found[0], case.branches[found[0]].from_bus != first
+    circuits = ", ".join(case.branches[k].circuit for k in parallel)
+    if not parallel:
+        raise EventError(f"{where}: there is no branch between buses {first} and {second}")
+    if not found:
+        raise EventError(f"{where}: there is no circuit {circuit}, only {circuits}")
+    raise EventError(f"{where}: say which circuit ({first}-{second}:CIRCUIT), one of {circuits}")
+
+
+def _branches_at(case: Case, bus: int) -> frozenset[int]:
+    return frozenset(
+        position
+        for position, branch in enumerate(case.branches)
+        if bus in (branch.from_bus, branch.to_bus)
+    )
+
+
+def _check_time(where: str, name: str, value: float) -> None:
+    if not (math.isfinite(value) and value >= 0):
+        raise EventError(f"{where}: {name} must be 0 s or later, not {value!r}")
+
+
+def _check_window(where: str, start: float, duration: float) -> None:
+    _check_time(where, "start", start)
+    if not (math.isfinite(duration) and duration > 0):
+        raise EventError(
+            f"{where}: duration must be a positive number of seconds, not {duration!r}"
+        )
+
+
+def _check_impedance(where: str, resistance: float, reactance: float) -> None:
+    if not (math.isfinite(resistance) and resistance >= 0):
+        raise EventError(f"{where}: resistance must be 0 or more, not {resistance!r}")
+    if not math.isfinite(reactance):
+        raise EventError(f"{where}: reactance must be finite, not {reactance!r}")
+
+
+def _check_bus(where: str, case: Case, bus: int) -> None:
+    if bus not in case.bus_index:
+        raise EventError(f"{where}: there is no bus {bus} in case {case.name}")
+
+
+def _require_closed(state: NetworkState, position: int, where: str, time: float) -> None:
+    if position in state.branches_out:
+        raise EventError(f"{where}: it is open at {time:g} s")

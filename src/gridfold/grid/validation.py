@@ -1,0 +1,152 @@
+"""Check a case: every fault is reported, not the first."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+
+from gridfold.errors import CaseError
+from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Record, number_fields
+from gridfold.grid.islands import island_labels
+
+
+def validate_case(case: Case) -> list[str]:
+    """Every fault found in the case data, one line each; empty if there is none."""
+    faults = [*_system_faults(case), *_record_faults(case), *_duplicate_faults(case)]
+    faults += _reference_faults(case)
+    if not faults:
+        faults += _island_faults(case)
+    return faults
+
+
+def require_valid(case: Case) -> None:
+    """Raise :class:`~gridfold.errors.CaseError` with every fault of the case."""
+    faults = validate_case(case)
+    if faults:
+        raise CaseError(faults, f"case {case.name}")
+
+
+def _system_faults(case: Case) -> Iterator[str]:
+    for name in ("base_mva", "frequency_hz"):
+        value = getattr(case, name)
+        if not (math.isfinite(value) and value > 0):
+            yield f"{name} must be a positive number, not {value!r}"
+    if not case.buses:
+        yield "there is no bus"
+
+
+def _records(case: Case) -> Iterator[Record]:
+    yield from case.buses
+    yield from case.branches
+    yield from case.generators
+    yield from case.loads
+    yield from case.shunts
+    yield from case.devices
+
+
+def _record_faults(case: Case) -> Iterator[str]:
+    for record in _records(case):
+        parameters = getattr(record, "parameters", {})
+        for name, value in {**number_fields(record), **parameters}.items():
+            if not math.isfinite(value):
+                yield f"{case.locate(record)}: {name} is {value!r}, not a finite number"
+        for fault in _range_faults(record):
+            yield f"{case.locate(record)}: {fault}"
+
+
+def _range_faults(record: Record) -> Iterator[str]:
+    match record:
+        case Bus():
+            if record.number <= 0:
+                yield f"the bus number must be positive, not {record.number}"
+            if record.base_kv <= 0:
+                yield f"base_kv must be positive, not {record.base_kv!r}"
+            if record.voltage_pu <= 0:
+                yield f"voltage_pu must be positive, not {record.voltage_pu!r}"
+        case Branch():
+            if record.from_bus == record.to_bus:
+                yield "it joins a bus to itself"
+            if record.resistance == 0 and record.reactance == 0:
+                yield "its impedance is zero"
+            if record.ratio <= 0:
+                yield f"ratio must be positive, not {record.ratio!r}"
+        case Generator():
+            if record.base_mva <= 0:
+                yield f"base_mva must be positive, not {record.base_mva!r}"
+            if record.voltage_pu <= 0:
+                yield f"voltage_pu must be positive, not {record.voltage_pu!r}"
+            if record.share <= 0:
+                yield f"share must be positive, not {record.share!r}"
+
+
+def _duplicate_faults(case: Case) -> Iterator[str]:
+    for table in (
+        case.buses,
+        case.branches,
+        case.generators,
+        case.loads,
+        case.shunts,
+        case.devices,
+    ):
+        for name, count in Counter(str(record) for record in table).items():
+            if count > 1:
+                yield f"{name} is given {count} times"
+    pairs = Counter(
+        (frozenset((branch.from_bus, branch.to_bus)), branch.circuit) for branch in case.branches
+    )
+    for branch in case.branches:
+        reverse = Branch(branch.to_bus, branch.from_bus, branch.circuit)
+        ends = frozenset((branch.from_bus, branch.to_bus))
+        if pairs[ends, branch.circuit] > 1 and branch.from_bus > branch.to_bus:
+            if any(str(other) == str(reverse) for other in case.branches):
+                yield f"{case.locate(branch)} and {reverse} are two circuits with one id"
+
+
+def _reference_faults(case: Case) -> Iterator[str]:
+    for branch in case.branches:
+        for number in (branch.from_bus, branch.to_bus):
+            if number not in case.bus_index:
+                yield f"{case.locate(branch)}: there is no bus {number}"
+    for record in (*case.generators, *case.loads, *case.shunts):
+        if record.bus not in case.bus_index:
+            yield f"{case.locate(record)}: there is no bus {record.bus}"
+    units = {generator.key for generator in case.generators}
+    for device in case.devices:
+        if device.key not in units:
+            yield f"{case.locate(device)}: there is no generator {device.key}"
+    yield from _regulation_faults(case)
+
+
+def _regulation_faults(case: Case) -> Iterator[str]:
+    regulating: dict[int, Generator] = {}
+    for generator in case.generators:
+        if generator.control is Control.POWER or not generator.in_service:
+            continue
+        first = regulating.setdefault(generator.bus, generator)
+        if first.voltage_pu != generator.voltage_pu:
+            yield (
+                f"{case.locate(generator)}: it holds {generator.voltage_pu} p.u. where "
+                f"{case.locate(first)} holds {first.voltage_pu} p.u. at the same bus"
+            )
+
+
+def _island_faults(case: Case) -> Iterator[str]:
+    labels = island_labels(case)
+    live = [generator for generator in case.generators if generator.in_service]
+    powered = {labels[case.bus_index[generator.bus]] for generator in live}
+    swings: dict[int, set[int]] = {}
+    for generator in live:
+        if generator.control is Control.SLACK:
+            swings.setdefault(labels[case.bus_index[generator.bus]], set()).add(generator.bus)
+    for island in sorted(set(labels)):
+        members = [
+            bus.number for bus, label in zip(case.buses, labels, strict=True) if label == island
+        ]
+        name = f"the island of bus {members[0]} ({len(members)} buses)"
+        if island not in powered:
+            yield f"{name} has no generator in service"
+        elif island not in swings:
+            yield f"{name} has no slack generator"
+        elif len(swings[island]) > 1:
+            yield f"{name} has more than one slack bus: {sorted(swings[island])}"

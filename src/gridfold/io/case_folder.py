@@ -1,0 +1,171 @@
+"""Cases in gridfold's own format: a folder of CSV tables and a ``case.toml``.
+
+``case.toml`` may say ``extends = "..."`` (a built-in case or a folder): the rows of this folder then
+replace those of the base case that have the same key, and add to the rest.
+"""
+
+from __future__ import annotations
+
+import tomllib
+import typing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from gridfold.errors import CaseFileError
+from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt
+from gridfold.grid.validation import require_valid
+from gridfold.io.tables import (
+    Table,
+    parse_row,
+    read_records,
+    read_table,
+    read_text,
+    suggest,
+)
+
+_BUILT_IN = Path(__file__).resolve().parent.parent / "cases"
+_TABLES: dict[str, type] = {
+    "buses": Bus,
+    "branches": Branch,
+    "generators": Generator,
+    "loads": Load,
+    "shunts": Shunt,
+}
+_SETTINGS: dict[str, tuple[type, ...]] = {
+    "name": (str,),
+    "description": (str,),
+    "extends": (str,),
+    "base_mva": (int, float),
+    "frequency_hz": (int, float),
+    "area_names": (dict,),
+}
+_DEPTH_LIMIT = 8
+
+
+def built_in_cases() -> list[str]:
+    """Names of the cases that come with gridfold."""
+    return sorted(folder.parent.name for folder in _BUILT_IN.glob("*/case.toml"))
+
+
+def load_case(source: str | Path) -> Case:
+    """Load a case by the name of a built-in one or from a folder.
+
+    Parameters
+    ----------
+    source : str or Path
+        ``"npcc"``, ``"npcc-pst"``, or a folder with ``case.toml`` and CSV tables.
+
+    Raises
+    ------
+    CaseFileError
+        A file is missing or cannot be read; names file and line.
+    CaseError
+        The data are wrong; lists every fault.
+    """
+    case = _read_case(_resolve(str(source), Path.cwd(), str(source)), depth=0)
+    require_valid(case)
+    return case
+
+
+def _resolve(source: str, base: Path, where: str) -> Path:
+    if source in built_in_cases():
+        return _BUILT_IN / source
+    folder = (base / source).expanduser()
+    if (folder / "case.toml").is_file():
+        return folder
+    if folder.is_dir():
+        raise CaseFileError(f"{folder} has no case.toml", where)
+    raise CaseFileError(
+        f"{source!r} is neither a built-in case ({', '.join(built_in_cases())}) nor a folder", where
+    )
+
+
+def _read_case(folder: Path, depth: int) -> Case:
+    settings = _read_settings(folder / "case.toml")
+    if depth > _DEPTH_LIMIT:
+        raise CaseFileError("cases extend one another in a circle", str(folder))
+    base = Case(name=folder.name, buses=(), branches=(), generators=())
+    if "extends" in settings:
+        parent = _resolve(settings.pop("extends"), folder, str(folder / "case.toml"))
+        base = replace(_read_case(parent, depth + 1), name=folder.name)
+    faults: list[str] = []
+    origins = dict(base.origins)
+    for name, record_type in _TABLES.items():
+        path = folder / f"{name}.csv"
+        if path.is_file():
+            records, found = _read_records(path, record_type, origins)
+            faults += found
+            settings[name] = _merge(getattr(base, name), records)
+    devices = list(base.devices)
+    for path in sorted((folder / "devices").glob("*.csv")):
+        records, found = _read_devices(path, origins)
+        faults += found
+        devices = list(_merge(tuple(devices), records))
+    if faults:
+        raise CaseFileError(faults, str(folder))
+    return replace(base, devices=tuple(devices), origins=origins, **settings)
+
+
+def _read_settings(path: Path) -> dict[str, Any]:
+    try:
+        settings = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise CaseFileError(f"not TOML: {error}", str(path)) from None
+    faults = []
+    for name, value in settings.items():
+        if name not in _SETTINGS:
+            faults.append(f"unknown setting {name!r}; {suggest(name, list(_SETTINGS))}")
+        elif not isinstance(value, _SETTINGS[name]) or isinstance(value, bool):
+            faults.append(f"{name}: {value!r} has the wrong type")
+    if isinstance(settings.get("area_names"), dict):
+        try:
+            names = {int(number): str(name) for number, name in settings["area_names"].items()}
+            settings["area_names"] = names
+        except ValueError as error:
+            faults.append(f"area_names: {error}")
+    if faults:
+        raise CaseFileError(faults, str(path))
+    return settings
+
+
+def _merge(base: tuple[Any, ...], records: list[Any]) -> tuple[Any, ...]:
+    """Rows of `base` with those replaced that stand in `records` too, then the new ones."""
+    replaced = {str(record): record for record in records}
+    old = {str(record) for record in base}
+    kept = tuple(replaced.get(str(record), record) for record in base)
+    return kept + tuple(record for record in records if str(record) not in old)
+
+
+def _read_records(
+    path: Path, record_type: type, origins: dict[str, str]
+) -> tuple[list[Any], list[str]]:
+    table = read_table(path)
+    records = read_records(table, record_type, typing.get_type_hints(record_type))
+    _note_origins(table, records, origins)
+    return [record for _, record in records], table.faults
+
+
+def _read_devices(path: Path, origins: dict[str, str]) -> tuple[list[Any], list[str]]:
+    table = read_table(path)
+    for name in ("bus", "id"):
+        if table.columns and name not in table.columns:
+            table.fault(1, f"column {name!r} is missing")
+    records = []
+    kinds: dict[str, Any] = {name: float for name in table.columns}
+    kinds |= {"bus": int, "id": str}
+    for line, cells in table.rows if not table.faults else []:
+        values = parse_row(table, line, cells, kinds, ("bus", "id"))
+        if values is not None:
+            bus, unit_id = values.pop("bus"), values.pop("id")
+            records.append((line, DeviceRecord(path.stem, bus, unit_id, values)))
+    _note_origins(table, records, origins)
+    return [record for _, record in records], table.faults
+
+
+def _note_origins(table: Table, records: list[tuple[int, Any]], origins: dict[str, str]) -> None:
+    place = table.path.name
+    if table.path.parent.name == "devices":
+        place = f"devices/{place}"
+    for line, record in records:
+        origins[str(record)] = f"{place}:{line}"

@@ -1,0 +1,81 @@
+"""Result files. Each is written to a temporary name first: there is never half a file."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.errors import OutputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METADATA_KEY = "gridfold"
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its name if nothing goes wrong."""
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
+        )
+        os.close(handle)
+        temporary = Path(name)
+        temporary.chmod(0o666 & ~_umask())
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON with two spaces of indentation."""
+    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> None:
+    """Write a table as CSV and its metadata as ``NAME.meta.json`` beside it."""
+    with replacing(path) as temporary:
+        frame.to_csv(temporary, index=False, float_format="%.10g")
+    write_json(path.with_name(path.name + ".meta.json"), metadata)
+
+
+def write_parquet(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> None:
+    """Write a table as Parquet with the metadata in its schema, under the key ``gridfold``."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    text = {METADATA_KEY: json.dumps(metadata)}
+    table = table.replace_schema_metadata({**(table.schema.metadata or {}), **text})
+    with replacing(path) as temporary:
+        pq.write_table(table, temporary)
+
+
+def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
+    """Write arrays as a compressed NumPy archive with the metadata as JSON text."""
+    content: dict[str, Any] = {**arrays, "metadata": np.array(json.dumps(metadata))}
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **content)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

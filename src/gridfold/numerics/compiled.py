@@ -1,0 +1,73 @@
+"""Compiled functions that are called by their address.
+
+A right-hand side, and each device kernel inside it, is compiled once with one fixed signature and
+then called through its address. A loop over addresses therefore serves every grid and every model
+without being compiled again, and the on-disk cache of Numba always holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import cfunc, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+#: Relaxed floating-point rules that still honour infinities and NaN.
+FAST = {"contract", "reassoc", "nsz"}
+
+
+def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
+    """Compile `function` for `signature` into a C callback with an ``address``, cached on disk."""
+    return cfunc(signature, cache=True, error_model="numpy", fastmath=FAST, _nrt=False)(function)
+
+
+@intrinsic
+def invoke(typing_context, address, arguments):
+    """``invoke(address, (a, b, ...))`` calls the compiled void function at `address`."""
+    if not isinstance(address, types.Integer) or not isinstance(arguments, types.BaseTuple):
+        return None
+
+    def generate(context, builder, signature, values):
+        target, packed = values
+        argument_types = [context.get_value_type(kind) for kind in signature.args[1].types]
+        function_type = ir.FunctionType(context.get_value_type(types.none), argument_types)
+        pointer = builder.inttoptr(target, function_type.as_pointer())
+        builder.call(pointer, cgutils.unpack_tuple(builder, packed, len(argument_types)))
+        return context.get_dummy_value()
+
+    return types.void(address, arguments), generate
+
+
+@intrinsic
+def matrix_view(typing_context, vector, offset, rows, columns):
+    """``matrix_view(vector, offset, rows, columns)``: a C-ordered matrix inside a flat vector.
+
+    Nothing is copied and nothing is checked; the view is valid as long as `vector` lives.
+    """
+    if not isinstance(vector, types.Array) or vector.ndim != 1:
+        return None
+    view_type = types.Array(vector.dtype, 2, "C")
+
+    def generate(context, builder, signature, values):
+        base = context.make_array(signature.args[0])(context, builder, values[0])
+        start, n_rows, n_columns = (
+            context.cast(builder, value, kind, types.intp)
+            for value, kind in zip(values[1:], signature.args[1:], strict=True)
+        )
+        item_size = context.get_constant(
+            types.intp, context.get_abi_sizeof(context.get_data_type(vector.dtype))
+        )
+        view = context.make_array(view_type)(context, builder)
+        view.meminfo = cgutils.get_null_value(view.meminfo.type)
+        view.parent = cgutils.get_null_value(view.parent.type)
+        view.nitems = builder.mul(n_rows, n_columns)
+        view.itemsize = item_size
+        view.data = builder.gep(base.data, [start])
+        view.shape = cgutils.pack_array(builder, [n_rows, n_columns])
+        view.strides = cgutils.pack_array(builder, [builder.mul(n_columns, item_size), item_size])
+        return view._getvalue()
+
+    return view_type(vector, offset, rows, columns), generate

@@ -1,0 +1,74 @@
+"""The one compiled form of a right-hand side: x' = f(x)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import FAST, invoke
+
+#: ``f(integers, reals, work, x, dx)``: two read-only blocks of data, scratch space, state, result.
+RHS_SIGNATURE = types.void(
+    types.int64[::1],
+    types.float64[::1],
+    types.float64[::1],
+    types.float64[::1],
+    types.float64[::1],
+)
+
+
+@dataclass(frozen=True)
+class CompiledRhs:
+    """A right-hand side that compiled loops can call.
+
+    Parameters
+    ----------
+    address : int
+        Address of a function compiled for :data:`RHS_SIGNATURE`.
+    integers, reals : ndarray
+        Its data. What they mean is the function's own business.
+    work_size : int
+        Length of the scratch space that one caller at a time needs.
+    n_states : int
+        Length of the state vector.
+    """
+
+    address: int
+    integers: NDArray[np.int64]
+    reals: NDArray[np.float64]
+    work_size: int
+    n_states: int
+
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivative at the state `x`, shape (n_states,)."""
+        state = np.ascontiguousarray(x, dtype=np.float64)
+        dx = np.empty(self.n_states)
+        call_rhs(self.address, self.integers, self.reals, np.zeros(self.work_size), state, dx)
+        return dx
+
+    def work_along(self, states: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        """First `count` entries of the scratch space after a call at each row of `states`."""
+        rows = np.ascontiguousarray(states, dtype=np.float64)
+        result = np.empty((len(rows), count))
+        _collect_work(
+            self.address, self.integers, self.reals, np.zeros(self.work_size), rows, result
+        )
+        return result
+
+
+@njit(cache=True, nogil=True)
+def call_rhs(address, integers, reals, work, x, dx):
+    """Call the right-hand side at `address` once."""
+    invoke(address, (integers, reals, work, x, dx))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _collect_work(address, integers, reals, work, states, result):
+    dx = np.empty(states.shape[1])
+    for row in range(states.shape[0]):
+        invoke(address, (integers, reals, work, states[row], dx))
+        for k in range(result.shape[1]):
+            result[row, k] = work[k]

@@ -1,0 +1,89 @@
+"""The Adams-Bashforth-Moulton method of order 4 as a PECE scheme, started by Runge-Kutta.
+
+Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., pp. 358-360
+(coefficients) and p. 360 (PECE). Two evaluations a step, against four of Runge-Kutta.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.rhs import CompiledRhs
+from gridfold.numerics.steppers.base import Integration, check_step
+from gridfold.numerics.steppers.rk4 import rk4_step
+from gridfold.numerics.watch import SpreadWatch, spread
+
+
+@dataclass(frozen=True)
+class AdamsBashforthMoulton4:
+    """Adams-Bashforth-Moulton PECE of order 4 with a fixed step (s).
+
+    Runge-Kutta steps fill the history at the start of each segment and take every step that is
+    shorter than the others.
+    """
+
+    step: float = 0.02
+    name: str = "abm4"
+
+    def __post_init__(self) -> None:
+        check_step(self.step)
+
+    def integrate(
+        self,
+        rhs: CompiledRhs,
+        times: NDArray[np.float64],
+        x0: NDArray[np.float64],
+        watch: SpreadWatch,
+    ) -> Integration:
+        """Integrate from `x0` along `times`."""
+        states = np.empty((len(times), rhs.n_states))
+        states[0] = x0
+        done, fired = _loop(
+            rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, self.step, states,
+            watch.index, watch.group, watch.weight, watch.reference, watch.limit,
+        )  # fmt: skip
+        return Integration(states[: done + 1], fired)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
+    """Predict, evaluate, correct; rows 0-3 of f are the derivatives at t_n, t_n-1, t_n-2, t_n-3."""
+    n = len(x)
+    c = h / 24
+    for i in range(n):
+        stage[i] = x[i] + c * (55 * f[0, i] - 59 * f[1, i] + 37 * f[2, i] - 9 * f[3, i])
+    invoke(address, (integers, reals, work, stage, k))
+    for i in range(n):
+        x_new[i] = x[i] + c * (9 * k[i] + 19 * f[0, i] - 5 * f[1, i] + f[2, i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _loop(
+    address, integers, reals, work, times, full_step, states, index, group, weight, reference, limit
+):
+    n = states.shape[1]
+    f = np.empty((4, n))
+    stage, k = np.empty(n), np.empty(n)
+    distances = np.empty(len(index))
+    history = 0
+    invoke(address, (integers, reals, work, states[0], f[0]))
+    for step in range(len(times) - 1):
+        x, x_new = states[step], states[step + 1]
+        h = times[step + 1] - times[step]
+        full = abs(h - full_step) < 1e-6 * full_step
+        if full and history >= 3:
+            _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new)
+        else:
+            rk4_step(address, integers, reals, work, x, f[0], h, stage, k, x_new)
+        history = history + 1 if full else 0
+        for row in range(3, 0, -1):
+            f[row] = f[row - 1]
+        invoke(address, (integers, reals, work, x_new, f[0]))
+        if not spread(x_new, index, group, weight, reference, distances) <= limit:
+            return step + 1, True
+    return len(times) - 1, False

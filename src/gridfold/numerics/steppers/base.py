@@ -1,0 +1,61 @@
+"""What every stepper offers, and the grid of times on which it works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.errors import OptionError
+from gridfold.numerics.rhs import CompiledRhs
+from gridfold.numerics.watch import SpreadWatch
+
+
+@dataclass(frozen=True)
+class Integration:
+    """States on the time grid, shape (n_done, n_states), and whether the watch ended it early."""
+
+    states: NDArray[np.float64]
+    watch_fired: bool
+
+
+class Stepper(Protocol):
+    """A rule that carries x' = f(x) along a grid of times."""
+
+    @property
+    def name(self) -> str:
+        """Short name, as on the command line."""
+
+    @property
+    def step(self) -> float:
+        """Time step in seconds."""
+
+    def integrate(
+        self,
+        rhs: CompiledRhs,
+        times: NDArray[np.float64],
+        x0: NDArray[np.float64],
+        watch: SpreadWatch,
+    ) -> Integration:
+        """Integrate from ``x0`` at ``times[0]``; the result includes the start."""
+
+
+def check_step(step: float) -> None:
+    """Raise :class:`OptionError` unless `step` is a positive, finite number of seconds."""
+    if not (np.isfinite(step) and step > 0):
+        raise OptionError(f"the time step must be a positive number of seconds, not {step!r}")
+
+
+def time_grid(start: float, end: float, step: float) -> NDArray[np.float64]:
+    """Both ends of an interval and every multiple of `step` between them.
+
+    All runs with the same step share their sampling times, whatever the events between; a step that
+    an event cuts short is shorter, never longer. Points closer than 1e-6 of a step to an end are
+    dropped.
+    """
+    first = int(np.floor(start / step + 1e-6)) + 1
+    last = int(np.ceil(end / step - 1e-6)) - 1
+    inner = np.arange(first, last + 1) * step
+    return np.concatenate(([start], inner, [end]))

@@ -1,0 +1,79 @@
+"""The classical Runge-Kutta method of order 4.
+
+Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., p. 138, Table 1.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.rhs import CompiledRhs
+from gridfold.numerics.steppers.base import Integration, check_step
+from gridfold.numerics.watch import SpreadWatch, spread
+
+
+@dataclass(frozen=True)
+class RungeKutta4:
+    """Classical Runge-Kutta method of order 4 with a fixed step (s)."""
+
+    step: float = 0.01
+    name: str = "rk4"
+
+    def __post_init__(self) -> None:
+        check_step(self.step)
+
+    def integrate(
+        self,
+        rhs: CompiledRhs,
+        times: NDArray[np.float64],
+        x0: NDArray[np.float64],
+        watch: SpreadWatch,
+    ) -> Integration:
+        """Integrate from `x0` along `times`."""
+        states = np.empty((len(times), rhs.n_states))
+        states[0] = x0
+        done, fired = _loop(
+            rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, states,
+            watch.index, watch.group, watch.weight, watch.reference, watch.limit,
+        )  # fmt: skip
+        return Integration(states[: done + 1], fired)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
+    """One step of size h from x, where f = f(x) is known; `stage` and `k` are scratch."""
+    n = len(x)
+    for i in range(n):
+        x_new[i] = x[i] + h / 6 * f[i]
+        stage[i] = x[i] + h / 2 * f[i]
+    invoke(address, (integers, reals, work, stage, k))
+    for i in range(n):
+        x_new[i] += h / 3 * k[i]
+        stage[i] = x[i] + h / 2 * k[i]
+    invoke(address, (integers, reals, work, stage, k))
+    for i in range(n):
+        x_new[i] += h / 3 * k[i]
+        stage[i] = x[i] + h * k[i]
+    invoke(address, (integers, reals, work, stage, k))
+    for i in range(n):
+        x_new[i] += h / 6 * k[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _loop(address, integers, reals, work, times, states, index, group, weight, reference, limit):
+    n = states.shape[1]
+    f, stage, k = np.empty(n), np.empty(n), np.empty(n)
+    distances = np.empty(len(index))
+    for step in range(len(times) - 1):
+        x, x_new = states[step], states[step + 1]
+        invoke(address, (integers, reals, work, x, f))
+        h = times[step + 1] - times[step]
+        rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new)
+        if not spread(x_new, index, group, weight, reference, distances) <= limit:
+            return step + 1, True
+    return len(times) - 1, False

@@ -1,0 +1,1 @@
+"""Studies: where the mathematics and the power systems meet."""

@@ -1,0 +1,69 @@
+"""What each stage of a run does to the network, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.timeline import Stage
+
+_LISTED = 8
+
+
+class Notice(NamedTuple):
+    """Something the user should know: when (s), and what."""
+
+    time: float
+    text: str
+
+
+def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> tuple[Notice, ...]:
+    """Events, de-energized parts with their lost load, and new islands, in order of time."""
+    notices: list[Notice] = []
+    before: DetailedModel | None = None
+    for stage, model in zip(stages, models, strict=True):
+        if stage.label != "start":
+            notices.append(Notice(stage.start, stage.label))
+        notices += [Notice(stage.start, text) for text in _island_texts(before, model)]
+        before = model
+    return tuple(notices)
+
+
+def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
+    now = model.equations.islands
+    known: set[frozenset[int]] = set()
+    dead_before: set[int] = set()
+    case = model.case
+    if before is not None:
+        old = before.equations.islands
+        known = {frozenset(buses) for buses in old.members(case).values()}
+        dead_before = {
+            bus.number for bus, on in zip(case.buses, old.energized, strict=True) if not on
+        }
+    islands = now.members(case)
+    largest = max(islands.values(), key=len)
+    load = model.power_flow.load_power.real * case.base_mva
+    machines = [unit for unit in model.layout.source_units if unit not in model.state.units_out]
+    for buses in islands.values():
+        energized = bool(now.energized[case.bus_index[buses[0]]])
+        if not energized:
+            lost = [bus for bus in buses if bus not in dead_before]
+            if lost:
+                mw = float(np.sum(load[[case.bus_index[bus] for bus in lost]]))
+                yield f"{_name(lost)} de-energized, {mw:.1f} MW of load lost"
+        elif frozenset(buses) not in known and buses is not largest:
+            units = ", ".join(str(unit) for unit in machines if unit.bus in set(buses))
+            yield f"{_name(buses)} run on as an island of their own with machines {units}"
+    dead_now = {bus.number for bus, on in zip(case.buses, now.energized, strict=True) if not on}
+    back = sorted(dead_before - dead_now)
+    if back:
+        yield f"{_name(back)} energized again"
+
+
+def _name(buses: Sequence[int]) -> str:
+    shown = ", ".join(str(bus) for bus in buses[:_LISTED])
+    more = f" and {len(buses) - _LISTED} more" if len(buses) > _LISTED else ""
+    return f"{'bus' if len(buses) == 1 else 'buses'} {shown}{more}"

@@ -1,0 +1,85 @@
+"""Small-signal analysis: eigenvalues, damping ratios and participation factors.
+
+Kundur, Power System Stability and Control, 1994, sections 12.2.2 to 12.2.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig
+
+from gridfold.dynamics.model import DetailedModel
+
+
+@dataclass(frozen=True)
+class SmallSignal:
+    """Modes of the linearized model, the rightmost first.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray of complex, shape (n,)
+        In 1/s and rad/s.
+    participation : ndarray, shape (n_states, n)
+        Participation factors, magnitudes; the largest of each mode (column) is 1.
+    state_names : tuple of str
+        ``name:BUS:ID`` of each state.
+    common_angle : ndarray of bool, shape (n,)
+        True for the zero eigenvalue of the common rotor angle.
+    """
+
+    eigenvalues: NDArray[np.complex128]
+    participation: NDArray[np.float64]
+    state_names: tuple[str, ...]
+    common_angle: NDArray[np.bool_]
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """-real / magnitude of each eigenvalue, shape (n,); NaN for a zero eigenvalue."""
+        size = np.abs(self.eigenvalues)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = -self.eigenvalues.real / size
+        return np.where(self.common_angle, np.nan, ratio)
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Frequency of each mode in Hz, shape (n,)."""
+        return np.abs(self.eigenvalues.imag) / (2 * np.pi)
+
+    @property
+    def rightmost(self) -> complex:
+        """The rightmost eigenvalue apart from the zero of the common angle."""
+        return complex(self.eigenvalues[~self.common_angle][0])
+
+    def dominant_states(self, mode: int, count: int = 3) -> list[tuple[str, float]]:
+        """The states with the largest participation in a mode, and their factors."""
+        column = self.participation[:, mode]
+        return [(self.state_names[k], float(column[k])) for k in np.argsort(-column)[:count]]
+
+
+def small_signal(model: DetailedModel, x: NDArray[np.float64] | None = None) -> SmallSignal:
+    """Eigenvalues and participation factors at the state `x` (the equilibrium by default)."""
+    jacobian = model.jacobian(model.x0 if x is None else x)
+    values, left, right = eig(jacobian, left=True, right=True)
+    order = np.lexsort((-values.imag, -values.real))
+    values, left, right = values[order], left[:, order], right[:, order]
+    participation = np.abs(left.conj() * right)
+    largest = participation.max(axis=0, initial=0.0)
+    participation /= np.where(largest > 0, largest, 1.0)
+    common = _common_angle(model, jacobian, values)
+    return SmallSignal(values, participation, model.state_names, common)
+
+
+def _common_angle(
+    model: DetailedModel, jacobian: NDArray[np.float64], values: NDArray[np.complex128]
+) -> NDArray[np.bool_]:
+    """Mark the eigenvalue nearest to zero if turning all rotors together changes nothing."""
+    shift = np.zeros(model.n_states)
+    shift[model.slots("rotor_angle", model.machines)] = 1.0
+    marked = np.zeros(len(values), dtype=bool)
+    scale = np.abs(jacobian).max(initial=0.0)
+    if len(values) and np.abs(jacobian @ shift).max() <= 1e-9 * scale:
+        marked[np.argmin(np.abs(values))] = True
+    return marked

@@ -1,0 +1,115 @@
+"""When a machine counts as having lost synchronism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.watch import SpreadWatch
+
+
+@dataclass(frozen=True)
+class SynchronismCriterion:
+    """A machine has lost synchronism once its rotor is `limit_deg` away from its island's reference.
+
+    The reference is the centre of inertia of the island's machines, or the infinite bus of the island
+    if it has one. The limit is checked at every time step.
+    """
+
+    limit_deg: float = 180.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.limit_deg) and self.limit_deg > 0):
+            raise OptionError(
+                f"the angle limit must be a positive number of degrees, not {self.limit_deg!r}"
+            )
+
+    def __str__(self) -> str:
+        return (
+            f"a rotor more than {self.limit_deg:g} degrees from the centre of inertia of its island "
+            "(from the infinite bus, if there is one)"
+        )
+
+    def watch(self, model: DetailedModel) -> SpreadWatch:
+        """The watch for the network state of `model`."""
+        frame = angle_frame(model)
+        return SpreadWatch(
+            frame.slots, frame.island, frame.inertia, frame.fixed, np.deg2rad(self.limit_deg)
+        )
+
+
+@dataclass(frozen=True)
+class AngleFrame:
+    """Machines in service and the angle references of their islands.
+
+    Parameters
+    ----------
+    units : tuple of UnitKey
+        Machines with a rotor that are in service.
+    slots : ndarray of int, shape (n_units,)
+        Positions of their rotor angles in the state vector.
+    island : ndarray of int, shape (n_units,)
+        Island of each, counted from 0.
+    inertia : ndarray, shape (n_units,)
+        Weight of each in its island's centre of inertia.
+    fixed : ndarray, shape (n_islands,)
+        Angle in rad of an infinite bus in the island; NaN where there is none.
+    """
+
+    units: tuple[UnitKey, ...]
+    slots: NDArray[np.int64]
+    island: NDArray[np.int64]
+    inertia: NDArray[np.float64]
+    fixed: NDArray[np.float64]
+
+    def references(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Reference angle in rad for each unit along `states`, shape (n_times, n_units)."""
+        angles = states[:, self.slots]
+        result = np.empty_like(angles)
+        for island, fixed in enumerate(self.fixed):
+            members = self.island == island
+            weights = self.inertia[members]
+            if np.isnan(fixed):
+                mean = angles[:, members] @ (weights / weights.sum())
+                result[:, members] = mean[:, None]
+            else:
+                result[:, members] = fixed
+        return result
+
+
+def angle_frame(model: DetailedModel) -> AngleFrame:
+    """Machines in service and the references of their islands, in the network state of `model`."""
+    out = model.state.units_out
+    units = tuple(unit for unit in model.machines if unit not in out)
+    labels = model.equations.islands.labels
+    index = model.case.bus_index
+    raw = np.array([labels[index[unit.bus]] for unit in units], dtype=np.int64)
+    present, island = np.unique(raw, return_inverse=True)
+    fixed = np.full(len(present), np.nan)
+    for unit, angle in _infinite_buses(model).items():
+        here = np.flatnonzero(present == labels[index[unit.bus]])
+        if unit not in out:
+            fixed[here] = angle
+    return AngleFrame(
+        units,
+        model.slots("rotor_angle", units),
+        island.astype(np.int64),
+        model.inertia(units),
+        fixed,
+    )
+
+
+def _infinite_buses(model: DetailedModel) -> dict[UnitKey, float]:
+    """Angle in rad of each source without a rotor."""
+    angles: dict[UnitKey, float] = {}
+    for block in model.layout.blocks:
+        if block.device.sources and not block.device.states:
+            rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
+            angle = np.arctan2(rows["internal_imag"], rows["internal_real"])
+            angles |= dict(zip(block.units, angle.tolist(), strict=True))
+    return angles
