@@ -1,0 +1,1 @@
+"""Dynamic models: devices, network, start values, right-hand side and Jacobian."""

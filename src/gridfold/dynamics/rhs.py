@@ -54,12 +54,13 @@ _HEADER = 20
     STATES_AT,
     INPUT_ROWS,
     INPUT_INDEX_AT,
+    INPUT_RUNS_AT,
     PARAMETER_ROWS,
     PARAMETERS_AT,
     SIGNAL_ROWS,
     SIGNALS_AT,
-) = range(10)
-_COLUMNS = 10
+) = range(11)
+_COLUMNS = 11
 
 
 class _Store:
@@ -72,7 +73,7 @@ class _Store:
 
     def add(self, values: Any) -> int:
         """Append `values`; return their position."""
-        part = np.asarray(values, dtype=self.dtype).ravel()
+        part: NDArray[Any] = np.asarray(values, dtype=self.dtype).ravel()
         self.parts.append(part)
         self.size += part.size
         return self.size - part.size
@@ -100,7 +101,11 @@ def pack_rhs(
     integers = _Store(np.int64, start=_HEADER + n_calls * _COLUMNS)
     reals = _Store(np.float64)
     data_at = {
-        block.device.model: (integers.add(block.inputs), reals.add(block.parameters))
+        block.device.model: (
+            integers.add(block.inputs),
+            integers.add(_is_run(block.inputs)),
+            reals.add(block.parameters),
+        )
         for block in layout.blocks
     }
     calls = [
@@ -151,7 +156,9 @@ def _derivative(block: Block) -> Kernel | None:
     return block.device.derivative
 
 
-def _call_row(block: Block, kernel: Kernel, inputs_at: int, parameters_at: int) -> list[int]:
+def _call_row(
+    block: Block, kernel: Kernel, inputs_at: int, runs_at: int, parameters_at: int
+) -> list[int]:
     row = [0] * _COLUMNS
     row[ADDRESS] = compiled_kernel(kernel).address
     row[UNITS] = len(block.units)
@@ -159,11 +166,17 @@ def _call_row(block: Block, kernel: Kernel, inputs_at: int, parameters_at: int) 
     row[STATES_AT] = block.state_start
     row[INPUT_ROWS] = 0 if kernel is block.device.source else len(block.device.inputs)
     row[INPUT_INDEX_AT] = inputs_at
+    row[INPUT_RUNS_AT] = runs_at
     row[PARAMETER_ROWS] = len(block.device.parameter_rows)
     row[PARAMETERS_AT] = parameters_at
     row[SIGNAL_ROWS] = len(block.device.signal_rows)
     row[SIGNALS_AT] = block.signal_start
     return row
+
+
+def _is_run(inputs: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which rows of positions are consecutive, so that they can be copied as a block."""
+    return np.asarray((np.diff(inputs, axis=1) == 1).all(axis=1))
 
 
 def _frozen_states(layout: Layout, units_out: Collection[UnitKey]) -> list[int]:
@@ -183,10 +196,16 @@ def _run_calls(first, count, integers, reals, work, x, dx):
     for c in range(first, first + count):
         at = integers[CALLS_AT] + c * _COLUMNS
         units = integers[at + UNITS]
-        gathered = integers[at + INPUT_ROWS] * units
-        index_at = integers[at + INPUT_INDEX_AT]
-        for k in range(gathered):
-            work[inputs_at + k] = work[integers[index_at + k]]
+        for row in range(integers[at + INPUT_ROWS]):
+            target = inputs_at + row * units
+            index_at = integers[at + INPUT_INDEX_AT] + row * units
+            first_slot = integers[index_at]
+            if integers[integers[at + INPUT_RUNS_AT] + row]:
+                for k in range(units):
+                    work[target + k] = work[first_slot + k]
+            else:
+                for k in range(units):
+                    work[target + k] = work[integers[index_at + k]]
         invoke(
             integers[at + ADDRESS],
             (

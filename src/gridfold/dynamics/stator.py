@@ -12,8 +12,8 @@ from numba import njit
 @njit
 def over_impedance(a_r, a_i, r, x):
     """(a_r + j a_i) / (r + j x), part by part so that parts may be complex steps."""
-    z2 = r * r + x * x
-    return (a_r * r + a_i * x) / z2, (a_i * r - a_r * x) / z2
+    scale = 1 / (r * r + x * x)
+    return (a_r * r + a_i * x) * scale, (a_i * r - a_r * x) * scale
 
 
 @njit

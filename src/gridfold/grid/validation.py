@@ -7,7 +7,17 @@ from collections import Counter
 from collections.abc import Iterator
 
 from gridfold.errors import CaseError
-from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Record, number_fields
+from gridfold.grid.case import (
+    Branch,
+    Bus,
+    Case,
+    Control,
+    Generator,
+    Load,
+    Record,
+    Shunt,
+    number_fields,
+)
 from gridfold.grid.islands import island_labels
 
 
@@ -55,29 +65,23 @@ def _record_faults(case: Case) -> Iterator[str]:
             yield f"{case.locate(record)}: {fault}"
 
 
+_POSITIVE = {
+    Bus: ("number", "base_kv", "voltage_pu"),
+    Branch: ("ratio",),
+    Generator: ("base_mva", "voltage_pu", "share"),
+}
+
+
 def _range_faults(record: Record) -> Iterator[str]:
-    match record:
-        case Bus():
-            if record.number <= 0:
-                yield f"the bus number must be positive, not {record.number}"
-            if record.base_kv <= 0:
-                yield f"base_kv must be positive, not {record.base_kv!r}"
-            if record.voltage_pu <= 0:
-                yield f"voltage_pu must be positive, not {record.voltage_pu!r}"
-        case Branch():
-            if record.from_bus == record.to_bus:
-                yield "it joins a bus to itself"
-            if record.resistance == 0 and record.reactance == 0:
-                yield "its impedance is zero"
-            if record.ratio <= 0:
-                yield f"ratio must be positive, not {record.ratio!r}"
-        case Generator():
-            if record.base_mva <= 0:
-                yield f"base_mva must be positive, not {record.base_mva!r}"
-            if record.voltage_pu <= 0:
-                yield f"voltage_pu must be positive, not {record.voltage_pu!r}"
-            if record.share <= 0:
-                yield f"share must be positive, not {record.share!r}"
+    for name in _POSITIVE.get(type(record), ()):
+        value = getattr(record, name)
+        if value <= 0:
+            yield f"{name} must be positive, not {value!r}"
+    if isinstance(record, Branch):
+        if record.from_bus == record.to_bus:
+            yield "it joins a bus to itself"
+        if record.resistance == 0 and record.reactance == 0:
+            yield "its impedance is zero"
 
 
 def _duplicate_faults(case: Case) -> Iterator[str]:
@@ -92,15 +96,11 @@ def _duplicate_faults(case: Case) -> Iterator[str]:
         for name, count in Counter(str(record) for record in table).items():
             if count > 1:
                 yield f"{name} is given {count} times"
-    pairs = Counter(
-        (frozenset((branch.from_bus, branch.to_bus)), branch.circuit) for branch in case.branches
-    )
+    names = {str(branch) for branch in case.branches}
     for branch in case.branches:
-        reverse = Branch(branch.to_bus, branch.from_bus, branch.circuit)
-        ends = frozenset((branch.from_bus, branch.to_bus))
-        if pairs[ends, branch.circuit] > 1 and branch.from_bus > branch.to_bus:
-            if any(str(other) == str(reverse) for other in case.branches):
-                yield f"{case.locate(branch)} and {reverse} are two circuits with one id"
+        reverse = str(Branch(branch.to_bus, branch.from_bus, branch.circuit))
+        if branch.from_bus > branch.to_bus and reverse in names:
+            yield f"{case.locate(branch)} and {reverse} are two circuits with one id"
 
 
 def _reference_faults(case: Case) -> Iterator[str]:
@@ -108,7 +108,8 @@ def _reference_faults(case: Case) -> Iterator[str]:
         for number in (branch.from_bus, branch.to_bus):
             if number not in case.bus_index:
                 yield f"{case.locate(branch)}: there is no bus {number}"
-    for record in (*case.generators, *case.loads, *case.shunts):
+    at_bus: tuple[Generator | Load | Shunt, ...] = (*case.generators, *case.loads, *case.shunts)
+    for record in at_bus:
         if record.bus not in case.bus_index:
             yield f"{case.locate(record)}: there is no bus {record.bus}"
     units = {generator.key for generator in case.generators}

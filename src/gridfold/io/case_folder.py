@@ -152,8 +152,7 @@ def _read_devices(path: Path, origins: dict[str, str]) -> tuple[list[Any], list[
         if table.columns and name not in table.columns:
             table.fault(1, f"column {name!r} is missing")
     records = []
-    kinds: dict[str, Any] = {name: float for name in table.columns}
-    kinds |= {"bus": int, "id": str}
+    kinds: dict[str, Any] = dict.fromkeys(table.columns, float) | {"bus": int, "id": str}
     for line, cells in table.rows if not table.faults else []:
         values = parse_row(table, line, cells, kinds, ("bus", "id"))
         if values is not None:

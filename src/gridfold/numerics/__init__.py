@@ -1,0 +1,1 @@
+"""Mathematics only: compiled callbacks, Newton, steppers."""

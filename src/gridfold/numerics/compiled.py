@@ -21,12 +21,11 @@ FAST = {"contract", "reassoc", "nsz"}
 
 def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
     """Compile `function` for `signature` into a C callback with an ``address``, cached on disk."""
-    return cfunc(signature, cache=True, error_model="numpy", fastmath=FAST, _nrt=False)(function)
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": FAST, "_nrt": False}
+    return cfunc(signature, cache=True, **options)(function)
 
 
-@intrinsic
-def invoke(typing_context, address, arguments):
-    """``invoke(address, (a, b, ...))`` calls the compiled void function at `address`."""
+def _invoke(typing_context, address, arguments):
     if not isinstance(address, types.Integer) or not isinstance(arguments, types.BaseTuple):
         return None
 
@@ -41,12 +40,7 @@ def invoke(typing_context, address, arguments):
     return types.void(address, arguments), generate
 
 
-@intrinsic
-def matrix_view(typing_context, vector, offset, rows, columns):
-    """``matrix_view(vector, offset, rows, columns)``: a C-ordered matrix inside a flat vector.
-
-    Nothing is copied and nothing is checked; the view is valid as long as `vector` lives.
-    """
+def _matrix_view(typing_context, vector, offset, rows, columns):
     if not isinstance(vector, types.Array) or vector.ndim != 1:
         return None
     view_type = types.Array(vector.dtype, 2, "C")
@@ -71,3 +65,11 @@ def matrix_view(typing_context, vector, offset, rows, columns):
         return view._getvalue()
 
     return view_type(vector, offset, rows, columns), generate
+
+
+#: ``invoke(address, (a, b, ...))`` calls the compiled void function at `address`.
+invoke: Any = intrinsic(_invoke)
+
+#: ``matrix_view(vector, offset, rows, columns)``: a C-ordered matrix inside a flat vector. Nothing is
+#: copied and nothing is checked; the view is valid as long as `vector` lives.
+matrix_view: Any = intrinsic(_matrix_view)

@@ -32,7 +32,8 @@ class _Problem:
 
     def mismatch(self, voltage: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Power mismatch where it counts: active at all but the slack, reactive at PQ buses."""
-        error = voltage * np.conj(self.admittance @ voltage) - self.scheduled
+        current: NDArray[np.complex128] = self.admittance @ voltage
+        error = voltage * np.conj(current) - self.scheduled
         error[self.voltage_held] = error[self.voltage_held].real
         error[self.slack] = 0
         return error

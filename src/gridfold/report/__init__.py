@@ -1,0 +1,1 @@
+"""Tables and pictures of results; the only package that draws."""

@@ -13,7 +13,7 @@ from gridfold.errors import OptionError
 from gridfold.grid.events import BranchFault, BusFault
 from gridfold.numerics.steppers import Stepper
 from gridfold.studies.simulate import ModelStore, simulate
-from gridfold.studies.synchronism import SynchronismCriterion
+from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.systems.status import Status
 
 Fault = BusFault | BranchFault
@@ -51,7 +51,7 @@ def critical_clearing_time(
     longest: float = 2.0,
     t_end: float = 16.0,
     stepper: Stepper | None = None,
-    criterion: SynchronismCriterion = SynchronismCriterion(),
+    criterion: SynchronismCriterion = DEFAULT_CRITERION,
 ) -> ClearingTime:
     """Largest clearing time, on a grid, for which no machine loses synchronism.
 

@@ -15,7 +15,7 @@ from gridfold.numerics.steppers import RungeKutta4, Stepper
 from gridfold.simulation.run import run_segments
 from gridfold.simulation.segment import Segment
 from gridfold.studies.notices import stage_notices
-from gridfold.studies.synchronism import SynchronismCriterion
+from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
 
 ModelStore = MutableMapping[NetworkState, DetailedModel]
@@ -60,7 +60,7 @@ def simulate(
     events: Sequence[Event] = (),
     t_end: float = 16.0,
     stepper: Stepper | None = None,
-    criterion: SynchronismCriterion | None = SynchronismCriterion(),
+    criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
     store: ModelStore | None = None,
 ) -> Trajectory:
     """Simulate from the equilibrium at t = 0.

@@ -43,6 +43,9 @@ class SynchronismCriterion:
         )
 
 
+DEFAULT_CRITERION = SynchronismCriterion()
+
+
 @dataclass(frozen=True)
 class AngleFrame:
     """Machines in service and the angle references of their islands.

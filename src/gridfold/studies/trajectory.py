@@ -112,7 +112,7 @@ class Trajectory:
             if (key, name) not in known:
                 names = ", ".join(sorted({signal for unit, signal in known if unit == key}))
                 raise OptionError(f"unit {key} has no signal {name!r}; it has: {names or 'none'}")
-        slots = self.model.slots(name, keys)
+        slots = self.model.slots(name, tuple(keys))
         result = self._signals[:, slots]
         for rows, unit in self._rows_out:
             if unit in keys:
@@ -171,7 +171,7 @@ class Trajectory:
                 raise OptionError(f"no machine has a signal {name!r}; there are: {names}")
             columns |= _columns(name, units, self.signal(name, units))
         frame = pd.DataFrame(columns)
-        frame.attrs = self.metadata()
+        frame.attrs.update(self.metadata())
         return frame
 
     def to_csv(self, path: str | Path, signals: Sequence[str] = ()) -> None:

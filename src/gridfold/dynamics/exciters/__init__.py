@@ -1,0 +1,1 @@
+"""Exciters, one file a model."""

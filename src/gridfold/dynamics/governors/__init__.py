@@ -1,0 +1,1 @@
+"""Speed governors, one file a model."""

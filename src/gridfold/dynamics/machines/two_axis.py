@@ -82,8 +82,6 @@ def check(parameters: Mapping[str, float]) -> Iterable[str]:
         yield f"q_transient_reactance {q!r} differs from d_transient_reactance {d!r}"
 
 
-_X = {"unit": "p.u.", "scaling": Scaling.IMPEDANCE}
-
 TWO_AXIS = Device(
     model="two_axis",
     title="two-axis machine",
@@ -91,11 +89,11 @@ TWO_AXIS = Device(
     parameters=(
         Parameter("inertia", "H", "s", scaling=Scaling.POWER),
         Parameter("damping", "D", "p.u.", Bound.NOT_NEGATIVE, Scaling.POWER, default=0.0),
-        Parameter("resistance", "Ra", bound=Bound.NOT_NEGATIVE, default=0.0, **_X),
-        Parameter("d_reactance", "Xd", **_X),
-        Parameter("q_reactance", "Xq", **_X),
-        Parameter("d_transient_reactance", "X'd", **_X),
-        Parameter("q_transient_reactance", "X'q", **_X),
+        Parameter("resistance", "Ra", "p.u.", Bound.NOT_NEGATIVE, Scaling.IMPEDANCE, default=0.0),
+        Parameter("d_reactance", "Xd", "p.u.", scaling=Scaling.IMPEDANCE),
+        Parameter("q_reactance", "Xq", "p.u.", scaling=Scaling.IMPEDANCE),
+        Parameter("d_transient_reactance", "X'd", "p.u.", scaling=Scaling.IMPEDANCE),
+        Parameter("q_transient_reactance", "X'q", "p.u.", scaling=Scaling.IMPEDANCE),
         Parameter("d_open_circuit_time", "T'd0", "s"),
         Parameter("q_open_circuit_time", "T'q0", "s"),
     ),

@@ -11,25 +11,39 @@ from gridfold.dynamics.network.backend import NETWORK_SIGNATURE, CompiledNetwork
 from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.numerics.compiled import compile_callback, matrix_view
 
+#: Rows are padded with zeros to a multiple of this, so that vector instructions leave no rest.
+_PADDING = 16
+
 
 def dense_network(equations: NetworkEquations) -> CompiledNetwork:
     """Compile the equations into one dense matrix-vector product."""
     impedance = equations.terminal_impedance()
-    reals = np.concatenate([impedance.real.ravel(), impedance.imag.ravel()])
-    size = np.array([len(impedance)], dtype=np.int64)
-    return CompiledNetwork(_compiled().address, size, reals, 0)
+    n = len(impedance)
+    width = -(-n // _PADDING) * _PADDING
+    padded = np.zeros((2, n, width))
+    padded[:, :, :n] = impedance.real, impedance.imag
+    size = np.array([n, width], dtype=np.int64)
+    return CompiledNetwork(_compiled().address, size, padded.ravel(), 2 * width)
 
 
 def _solve(integers, reals, currents, voltages, scratch):
-    n = integers[0]
-    z_r = matrix_view(reals, 0, n, n)
-    z_i = matrix_view(reals, n * n, n, n)
+    n, width = integers[0], integers[1]
+    z_r = matrix_view(reals, 0, n, width)
+    z_i = matrix_view(reals, n * width, n, width)
+    i_r = scratch[:width]
+    i_i = scratch[width : 2 * width]
+    for j in range(n):
+        i_r[j] = currents[j]
+        i_i[j] = currents[n + j]
+    for j in range(n, width):
+        i_r[j] = 0.0
+        i_i[j] = 0.0
     for i in range(n):
         v_r = 0.0
         v_i = 0.0
-        for j in range(n):
-            v_r += z_r[i, j] * currents[j] - z_i[i, j] * currents[n + j]
-            v_i += z_r[i, j] * currents[n + j] + z_i[i, j] * currents[j]
+        for j in range(width):
+            v_r += z_r[i, j] * i_r[j] - z_i[i, j] * i_i[j]
+            v_i += z_r[i, j] * i_i[j] + z_i[i, j] * i_r[j]
         voltages[i] = v_r
         voltages[n + i] = v_i
 

@@ -1,0 +1,1 @@
+"""Turbines, one file a model."""
