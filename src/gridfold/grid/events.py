@@ -72,11 +72,7 @@ class BusFault:
             return replace(state, bus_faults=state.bus_faults | {fault})
 
         def clear(state: NetworkState) -> NetworkState:
-            return replace(
-                state,
-                bus_faults=state.bus_faults - {fault},
-                branches_out=state.branches_out | opened,
-            )
+            return _open(replace(state, bus_faults=state.bus_faults - {fault}), opened)
 
         cleared = f"bus {self.bus} tripped" if self.trip_bus else f"{where} cleared"
         return [
@@ -123,11 +119,13 @@ class BranchFault:
         branch = case.branches[position]
         impedance = complex(self.resistance, self.reactance)
         point = BranchFaultPoint(position, fraction, impedance)
-        end = {0.0: branch.from_bus, 1.0: branch.to_bus}.get(fraction)
+        end = {0.0: branch.from_bus, 1.0: branch.to_bus}.get(round(fraction, 9))
         fault = None if end is None else (end, impedance)
 
         def put_on(state: NetworkState) -> NetworkState:
             _require_closed(state, position, where, self.start)
+            if any(other.branch == position for other in state.branch_faults):
+                raise EventError(f"{where}: the branch is faulted already at {self.start:g} s")
             if fault is None:
                 return replace(state, branch_faults=state.branch_faults | {point})
             if any(bus == end for bus, _ in state.bus_faults):
@@ -135,12 +133,12 @@ class BranchFault:
             return replace(state, bus_faults=state.bus_faults | {fault})
 
         def clear(state: NetworkState) -> NetworkState:
-            return replace(
+            cleared = replace(
                 state,
                 bus_faults=state.bus_faults - {fault},
                 branch_faults=state.branch_faults - {point},
-                branches_out=state.branches_out | ({position} if self.trip else set()),
             )
+            return _open(cleared, frozenset({position})) if self.trip else cleared
 
         cleared = f"branch {self.branch} tripped" if self.trip else f"{where} cleared"
         return [
@@ -164,7 +162,7 @@ class BranchTrip:
 
         def apply(state: NetworkState) -> NetworkState:
             _require_closed(state, position, where, self.time)
-            return replace(state, branches_out=state.branches_out | {position})
+            return _open(state, frozenset({position}))
 
         return [Change(self.time, f"branch {self.branch} tripped", apply)]
 
@@ -259,7 +257,7 @@ EVENTS: Mapping[str, type] = {
 
 def find_branch(case: Case, name: str, where: str) -> tuple[int, bool]:
     """Position of the branch called `name`, and whether it is named from its second bus."""
-    match = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?::\s*(\S+?)\s*)?", str(name))
+    match = re.fullmatch(r"\s*(\d{1,18})\s*-\s*(\d{1,18})\s*(?::\s*(\S+?)\s*)?", str(name))
     if match is None:
         raise EventError(f"{where}: a branch is named FROM-TO or FROM-TO:CIRCUIT, not {name!r}")
     first, second, circuit = int(match[1]), int(match[2]), match[3]
@@ -284,6 +282,15 @@ def _branches_at(case: Case, bus: int) -> frozenset[int]:
         position
         for position, branch in enumerate(case.branches)
         if bus in (branch.from_bus, branch.to_bus)
+    )
+
+
+def _open(state: NetworkState, branches: frozenset[int]) -> NetworkState:
+    """The state with `branches` open; a fault inside a branch goes with it."""
+    return replace(
+        state,
+        branches_out=state.branches_out | branches,
+        branch_faults=frozenset(p for p in state.branch_faults if p.branch not in branches),
     )
 
 

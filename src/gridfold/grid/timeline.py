@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gridfold.errors import EventError
 from gridfold.grid.case import Case
-from gridfold.grid.events import Event
+from gridfold.grid.events import Change, Event
 from gridfold.grid.network_state import NetworkState
 
 
@@ -33,14 +33,14 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
     """
     changes = [change for event in events for change in event.changes(case)]
     for change in changes:
-        if change.time >= t_end:
+        if max(change.time, _instant(change)) >= t_end:
             raise EventError(
                 f"{change.label}: it happens at {change.time:g} s, but the run ends at {t_end:g} s"
             )
-    changes.sort(key=lambda change: round(change.time, 9))
+    changes.sort(key=_instant)
     state = initial_state(case)
     stages = [Stage(0.0, "start", state)]
-    for time, together in groupby(changes, key=lambda change: round(change.time, 9)):
+    for time, together in groupby(changes, key=_instant):
         labels = []
         for change in together:
             state = change.apply(state)
@@ -51,3 +51,7 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
         else:
             stages.append(stage)
     return stages
+
+
+def _instant(change: Change) -> float:
+    return round(change.time, 9)

@@ -40,7 +40,7 @@ def require_valid(case: Case) -> None:
 def _system_faults(case: Case) -> Iterator[str]:
     for name in ("base_mva", "frequency_hz"):
         value = getattr(case, name)
-        if not (math.isfinite(value) and value > 0):
+        if not (_is_finite(value) and value > 0):
             yield f"{name} must be a positive number, not {value!r}"
     if not case.buses:
         yield "there is no bus"
@@ -59,10 +59,17 @@ def _record_faults(case: Case) -> Iterator[str]:
     for record in _records(case):
         parameters = getattr(record, "parameters", {})
         for name, value in {**number_fields(record), **parameters}.items():
-            if not math.isfinite(value):
+            if not _is_finite(value):
                 yield f"{case.locate(record)}: {name} is {value!r}, not a finite number"
         for fault in _range_faults(record):
             yield f"{case.locate(record)}: {fault}"
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond the floating-point range
+        return False
 
 
 _POSITIVE = {

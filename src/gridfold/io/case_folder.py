@@ -6,7 +6,6 @@ replace those of the base case that have the same key, and add to the rest.
 
 from __future__ import annotations
 
-import tomllib
 import typing
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from gridfold.io.tables import (
     parse_row,
     read_records,
     read_table,
-    read_text,
+    read_toml,
     suggest,
 )
 
@@ -71,11 +70,14 @@ def load_case(source: str | Path) -> Case:
 def _resolve(source: str, base: Path, where: str) -> Path:
     if source in built_in_cases():
         return _BUILT_IN / source
-    folder = (base / source).expanduser()
-    if (folder / "case.toml").is_file():
-        return folder
-    if folder.is_dir():
-        raise CaseFileError(f"{folder} has no case.toml", where)
+    try:
+        folder = base / Path(source).expanduser()
+        if (folder / "case.toml").is_file():
+            return folder
+        if folder.is_dir():
+            raise CaseFileError(f"{folder} has no case.toml", where)
+    except (OSError, RuntimeError) as error:  # name too long, no such user ...
+        raise CaseFileError(f"{source!r} cannot be read: {error}", where) from None
     raise CaseFileError(
         f"{source!r} is neither a built-in case ({', '.join(built_in_cases())}) nor a folder", where
     )
@@ -108,10 +110,7 @@ def _read_case(folder: Path, depth: int) -> Case:
 
 
 def _read_settings(path: Path) -> dict[str, Any]:
-    try:
-        settings = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise CaseFileError(f"not TOML: {error}", str(path)) from None
+    settings = read_toml(path)
     faults = []
     for name, value in settings.items():
         if name not in _SETTINGS:
@@ -150,7 +149,7 @@ def _read_devices(path: Path, origins: dict[str, str]) -> tuple[list[Any], list[
     table = read_table(path)
     for name in ("bus", "id"):
         if table.columns and name not in table.columns:
-            table.fault(1, f"column {name!r} is missing")
+            table.fault(table.header_line, f"column {name!r} is missing")
     records = []
     kinds: dict[str, Any] = dict.fromkeys(table.columns, float) | {"bus": int, "id": str}
     for line, cells in table.rows if not table.faults else []:
@@ -163,8 +162,13 @@ def _read_devices(path: Path, origins: dict[str, str]) -> tuple[list[Any], list[
 
 
 def _note_origins(table: Table, records: list[tuple[int, Any]], origins: dict[str, str]) -> None:
+    """Remember where each record stands; one that stands there twice is a fault."""
     place = table.path.name
     if table.path.parent.name == "devices":
         place = f"devices/{place}"
+    lines: dict[str, int] = {}
     for line, record in records:
+        first = lines.setdefault(str(record), line)
+        if first != line:
+            table.fault(line, f"{record} is given at line {first} already")
         origins[str(record)] = f"{place}:{line}"

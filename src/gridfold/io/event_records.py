@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
-from gridfold.errors import EventError
+from gridfold.errors import CaseFileError, EventError
 from gridfold.grid.events import EVENTS, Event
-from gridfold.io.tables import parse_cell, read_text, suggest
+from gridfold.io.tables import parse_cell, read_toml, suggest
 
 
 def event_record(event: Event) -> dict[str, Any]:
@@ -26,7 +25,7 @@ def event_from_record(record: Mapping[str, Any], where: str = "event") -> Event:
     kind = values.pop("kind", None)
     if kind is None:
         raise EventError(f"{where}: kind is missing; known: {', '.join(EVENTS)}")
-    if kind not in EVENTS:
+    if not isinstance(kind, str) or kind not in EVENTS:
         raise EventError(f"{where}: unknown kind {kind!r}; {suggest(str(kind), list(EVENTS))}")
     event_type = EVENTS[kind]
     hints = typing.get_type_hints(event_type)
@@ -63,12 +62,13 @@ def parse_event(text: str) -> Event:
 def load_events(path: str | Path) -> list[Event]:
     """Events from a TOML file of ``[[event]]`` tables, each with its ``kind``."""
     try:
-        data = tomllib.loads(read_text(Path(path)))
-    except tomllib.TOMLDecodeError as error:
-        raise EventError(f"{path}: not TOML: {error}") from None
+        data = read_toml(Path(path))
+    except CaseFileError as error:
+        raise EventError(f"{path}: {error.faults[0]}") from None
     unknown = [name for name in data if name != "event"]
     records = data.get("event")
-    if unknown or not isinstance(records, list) or not records:
+    tables = isinstance(records, list) and all(isinstance(record, dict) for record in records)
+    if unknown or not tables or not records:
         raise EventError(f"{path}: expected [[event]] tables and nothing else")
     return [
         event_from_record(record, f"{path}: event {number}")

@@ -44,16 +44,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write JSON with two spaces of indentation."""
-    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    text = _json(data)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> None:
     """Write a table as CSV and its metadata as ``NAME.meta.json`` beside it."""
-    with replacing(path) as temporary:
-        frame.to_csv(temporary, index=False, float_format="%.10g")
-    write_json(path.with_name(path.name + ".meta.json"), metadata)
+    text = _json(metadata)
+    beside = path.with_name(path.name + ".meta.json")
+    with replacing(path) as table, replacing(beside) as notes:
+        frame.to_csv(table, index=False, float_format="%.10g")
+        notes.write_text(text, encoding="utf-8")
 
 
 def write_parquet(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> None:
@@ -73,6 +75,10 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[
     content: dict[str, Any] = {**arrays, "metadata": np.array(json.dumps(metadata))}
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **content)
+
+
+def _json(data: Any) -> str:
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
 def _umask() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import tomllib
 import types
 import typing
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ class Table:
 
     path: Path
     columns: list[str] = field(default_factory=list)
+    header_line: int = 1
     rows: list[tuple[int, dict[str, str]]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
 
@@ -35,11 +37,21 @@ class Table:
 def read_text(path: Path) -> str:
     """Text of a UTF-8 file; :class:`CaseFileError` names the file and the reason otherwise."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise CaseFileError(f"not UTF-8 text: {error}", str(path)) from None
-    except OSError as error:
-        raise CaseFileError(f"cannot be read: {error.strerror}", str(path)) from None
+    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Content of a TOML file."""
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # numbers too long, tables too deep
+        raise CaseFileError(f"not TOML: {error}", str(path)) from None
 
 
 def read_table(path: Path) -> Table:
@@ -52,7 +64,7 @@ def read_table(path: Path) -> Table:
             if not any(cells) or cells[0].startswith("#"):
                 continue
             if not table.columns:
-                table.columns = cells
+                table.columns, table.header_line = cells, reader.line_num
                 for name in {c for c in cells if cells.count(c) > 1}:
                     table.fault(reader.line_num, f"column {name!r} is given twice")
             elif len(cells) != len(table.columns):
@@ -106,10 +118,10 @@ def read_records(
     required = [f.name for f in fields(record_type) if _is_required(f)]  # type: ignore[arg-type]
     for name in table.columns:
         if name not in kinds:
-            table.fault(1, f"unknown column {name!r}; {suggest(name, list(kinds))}")
+            table.fault(table.header_line, f"unknown column {name!r}; {suggest(name, list(kinds))}")
     for name in required:
         if table.columns and name not in table.columns:
-            table.fault(1, f"column {name!r} is missing")
+            table.fault(table.header_line, f"column {name!r} is missing")
     if table.faults:
         return []
     records = []

@@ -1,0 +1,5 @@
+"""The command ``gridfold``."""
+
+from gridfold.cli.app import main
+
+__all__ = ["main"]

@@ -1,0 +1,192 @@
+"""Commands that look at a case: its data, its modes, its critical clearing times."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from gridfold.cli.console import (
+    Method,
+    err,
+    make_stepper,
+    out,
+    parse_buses,
+    speaks_to_people,
+    write_json_option,
+)
+from gridfold.dynamics.model import build_model
+from gridfold.grid.events import BusFault
+from gridfold.io.case_folder import load_case
+from gridfold.report.plots import plot_eigenvalues
+from gridfold.report.style import check_format
+from gridfold.report.tables import (
+    area_table,
+    case_facts,
+    clearing_table,
+    device_table,
+    facts_table,
+    mode_table,
+    model_facts,
+)
+from gridfold.studies.clearing_time import ClearingTime, critical_clearing_times
+from gridfold.studies.small_signal import SmallSignal, small_signal
+from gridfold.studies.synchronism import SynchronismCriterion
+
+
+class ModeOrder(Enum):
+    """Which modes come first in the table."""
+
+    DAMPING = "damping"
+    REAL = "real"
+
+
+CaseArgument = Annotated[
+    str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")
+]
+JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
+
+
+def info(case: CaseArgument, json: JsonOption = None) -> None:
+    """Print what a case consists of, its operating point and its dynamic devices.
+
+    Example: gridfold info npcc
+    """
+    data = load_case(case)
+    model = build_model(data)
+    residual = float(np.abs(model.compiled(model.x0)).max())
+    write_json_option(
+        json,
+        {
+            "case": data.name,
+            "fingerprint": data.fingerprint,
+            "buses": len(data.buses),
+            "branches": len(data.branches),
+            "generators": len(data.generators),
+            "loads": len(data.loads),
+            "shunts": len(data.shunts),
+            "machines": len(model.machines),
+            "states": model.n_states,
+            "power_flow_mismatch": model.power_flow.mismatch,
+            "losses_mw": model.power_flow.losses_mw,
+            "equilibrium_residual": residual,
+            "warnings": list(model.warnings),
+        },
+    )
+    if speaks_to_people(json):
+        out.print(facts_table(case_facts(data) | model_facts(model, residual)))
+        out.print(area_table(data))
+        out.print(device_table(data))
+
+
+def eigenvalues(
+    case: CaseArgument,
+    count: Annotated[int, typer.Option(min=1, help="Modes in the table.")] = 20,
+    order: Annotated[
+        ModeOrder,
+        typer.Option(help="Oscillations, the least damped first, or all, rightmost first."),
+    ] = ModeOrder.DAMPING,
+    plot: Annotated[Path | None, typer.Option(help="Draw them (.png or .svg).")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Eigenvalues, damping ratios and participation factors at the operating point.
+
+    Example: gridfold eigenvalues npcc --count 30 --plot modes.png
+    """
+    if plot is not None:
+        check_format(plot)
+    data = load_case(case)
+    modes = small_signal(build_model(data))
+    if plot is not None:
+        plot_eigenvalues(modes, data.name, plot)
+    listed = [k for k, value in enumerate(modes.eigenvalues) if value.imag >= 0]
+    if order is ModeOrder.DAMPING:
+        oscillating = [k for k in listed if modes.eigenvalues[k].imag > 0]
+        shown = sorted(oscillating, key=lambda k: modes.damping_ratio[k])[:count]
+    else:
+        shown = listed[:count]
+    write_json_option(json, {"case": data.name, "modes": [_mode_record(modes, k) for k in listed]})
+    if speaks_to_people(json):
+        out.print(mode_table(modes, shown))
+        rightmost = modes.rightmost
+        text = f"Rightmost eigenvalue apart from the common angle: {rightmost.real:+.6f}"
+        out.print(text + (f" ± {abs(rightmost.imag):.6f}j" if rightmost.imag else ""))
+
+
+def cct(
+    case: CaseArgument,
+    buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
+    resolution: Annotated[float, typer.Option(help="Grid of clearing times (s).")] = 0.01,
+    longest: Annotated[float, typer.Option(help="Longest clearing time tried (s).")] = 2.0,
+    t_end: Annotated[float, typer.Option(help="End of each run (s).")] = 16.0,
+    step: Annotated[
+        float | None, typer.Option(help="Time step (s).", show_default="0.01; abm4 0.02")
+    ] = None,
+    method: Annotated[Method, typer.Option(help="Integration rule.")] = Method.RK4,
+    angle_limit: Annotated[
+        float,
+        typer.Option(help="Angle from the centre of inertia at which synchronism is lost (deg)."),
+    ] = 180.0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Critical clearing times of three-phase faults at buses, on all cores.
+
+    The largest clearing time on a grid for which no machine loses synchronism until the run ends.
+
+    Example: gridfold cct npcc --buses 1-36 --json cct.json
+    """
+    faults = [BusFault(bus) for bus in parse_buses(buses)]
+    stepper = make_stepper(method, step)
+    criterion = SynchronismCriterion(angle_limit)
+    model = build_model(load_case(case))
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        task = progress.add_task("clearing times", total=len(faults))
+        times = critical_clearing_times(
+            model,
+            faults,
+            workers,
+            on_done=lambda _: progress.advance(task),
+            resolution=resolution,
+            longest=longest,
+            t_end=t_end,
+            stepper=stepper,
+            criterion=criterion,
+        )
+    write_json_option(json, [_clearing_record(item) for item in times])
+    if speaks_to_people(json):
+        out.print(clearing_table(times))
+        out.print(f"Synchronism is lost at {criterion}; runs of {t_end:g} s.")
+
+
+def _clearing_record(item: ClearingTime) -> dict[str, Any]:
+    return {
+        "bus": getattr(item.fault, "bus", None),
+        "cct_s": item.seconds,
+        "bounded": item.bounded,
+        "runs": item.runs,
+    }
+
+
+def _mode_record(modes: SmallSignal, k: int) -> dict[str, Any]:
+    value, ratio = modes.eigenvalues[k], modes.damping_ratio[k]
+    return {
+        "real": float(value.real),
+        "imag": float(value.imag),
+        "frequency_hz": float(modes.frequency_hz[k]),
+        "damping_ratio": None if np.isnan(ratio) else float(ratio),
+        "common_angle": bool(modes.common_angle[k]),
+        "participation": dict(modes.dominant_states(k)),
+    }

@@ -1,0 +1,51 @@
+"""The command line: one function a command, no more than reading options and calling the library."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from gridfold.cli import analysis, run
+from gridfold.cli.console import EXIT_CODES, ExitCode, err
+from gridfold.errors import GridfoldError
+from gridfold.version import __version__
+
+app = typer.Typer(
+    name="gridfold",
+    help="Transient-stability simulation of power systems.",
+    epilog=EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+app.command("demo")(run.demo)
+app.command("simulate")(run.simulate)
+app.command("info")(analysis.info)
+app.command("eigenvalues")(analysis.eigenvalues)
+app.command("cct")(analysis.cct)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"gridfold {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: bool = typer.Option(
+        False, "--version", callback=_show_version, is_eager=True, help="Print the version."
+    ),
+) -> None:
+    """Options of the command itself."""
+
+
+def main() -> None:
+    """Run the command; bad input ends it with a message and exit code 2, without a traceback."""
+    try:
+        app()
+    except GridfoldError as error:
+        err.print(f"gridfold: error: {error}", style="red", markup=False, highlight=False)
+        sys.exit(ExitCode.BAD_INPUT)

@@ -1,0 +1,84 @@
+"""What all commands share: terminals, exit codes, options as text."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from enum import Enum, IntEnum
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from gridfold.errors import OptionError
+from gridfold.io.results import write_json
+from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
+from gridfold.systems.status import Status
+
+out = Console()
+err = Console(stderr=True)
+
+EXIT_CODES = (
+    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism; "
+    "1 anything else, such as non-finite states."
+)
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command."""
+
+    COMPLETED = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    LOST_SYNCHRONISM = 3
+
+
+class Method(Enum):
+    """Integration rules by name."""
+
+    RK4 = "rk4"
+    ABM4 = "abm4"
+
+
+def exit_code(status: Status) -> ExitCode:
+    """Exit code that tells how a run ended."""
+    return {
+        Status.COMPLETED: ExitCode.COMPLETED,
+        Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,
+    }.get(status, ExitCode.FAILED)
+
+
+def make_stepper(method: Method, step: float | None) -> Stepper:
+    """The stepper of a name; its own default step if `step` is None."""
+    if method is Method.ABM4:
+        return AdamsBashforthMoulton4() if step is None else AdamsBashforthMoulton4(step)
+    return RungeKutta4() if step is None else RungeKutta4(step)
+
+
+def parse_buses(text: str) -> list[int]:
+    """Bus numbers from text such as ``1-36,78``."""
+    numbers: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        if match is None:
+            raise OptionError(f"buses are given as 3,7 or 1-36, not {part.strip()!r} in {text!r}")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if last < first:
+            raise OptionError(f"the range {part.strip()!r} ends before it starts")
+        numbers += range(first, last + 1)
+    return list(dict.fromkeys(numbers))
+
+
+def write_json_option(path: str | None, data: Mapping[str, Any] | list[Any]) -> None:
+    """Write JSON to a file, or to standard output for ``-``."""
+    if path == "-":
+        sys.stdout.write(json.dumps(data, indent=2, allow_nan=False) + "\n")
+    elif path is not None:
+        write_json(Path(path), data)
+
+
+def speaks_to_people(json_path: str | None) -> bool:
+    """Whether tables go to standard output: not if JSON goes there."""
+    return json_path != "-"

@@ -1,0 +1,160 @@
+"""Tables for people, as rich renderables."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from rich.table import Table
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.case import Case
+from gridfold.studies.clearing_time import ClearingTime
+from gridfold.studies.small_signal import SmallSignal
+from gridfold.studies.summary import Summary
+from gridfold.studies.trajectory import Trajectory
+
+
+def facts_table(facts: Mapping[str, str]) -> Table:
+    """Two columns: what, and how much."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    for name, value in facts.items():
+        table.add_row(name, value)
+    return table
+
+
+def case_facts(case: Case) -> dict[str, str]:
+    """What a case consists of."""
+    transformers = sum(b.ratio != 1 or b.shift_deg != 0 for b in case.branches)
+    load = sum(load.active_mw for load in case.loads if load.in_service)
+    return {
+        "Case": f"{case.name}: {case.description}" if case.description else case.name,
+        "Buses": str(len(case.buses)),
+        "Branches": f"{len(case.branches)} ({transformers} with an off-nominal ratio or shift)",
+        "Generators": str(len(case.generators)),
+        "Loads": f"{len(case.loads)}, {load:,.1f} MW",
+        "Shunts": str(len(case.shunts)),
+        "Base": f"{case.base_mva:g} MVA, {case.frequency_hz:g} Hz",
+        "Fingerprint": case.fingerprint[:16],
+    }
+
+
+def area_table(case: Case) -> Table:
+    """Areas with their buses, machines, load and tie lines."""
+    area = {bus.number: bus.area for bus in case.buses}
+    table = Table(title="Areas", title_justify="left")
+    for name in ("area", "name"):
+        table.add_column(name)
+    for name in ("buses", "generators", "load (MW)", "tie lines"):
+        table.add_column(name, justify="right")
+    units = Counter(area[generator.bus] for generator in case.generators)
+    ties = Counter(
+        number
+        for branch in case.branches
+        if area[branch.from_bus] != area[branch.to_bus]
+        for number in (area[branch.from_bus], area[branch.to_bus])
+    )
+    for number, count in sorted(Counter(area.values()).items()):
+        load = sum(item.active_mw for item in case.loads if area[item.bus] == number)
+        name = case.area_names.get(number, "")
+        table.add_row(
+            str(number), name, str(count), str(units[number]), f"{load:,.1f}", str(ties[number])
+        )
+    return table
+
+
+def device_table(case: Case) -> Table:
+    """Device models and how many units have each."""
+    table = Table(title="Dynamic devices", title_justify="left")
+    table.add_column("model")
+    table.add_column("units", justify="right")
+    for model, count in Counter(record.model for record in case.devices).items():
+        table.add_row(model, str(count))
+    return table
+
+
+def model_facts(model: DetailedModel, residual: float) -> dict[str, str]:
+    """Operating point and size of a detailed model."""
+    flow = model.power_flow
+    generation = flow.unit_power.sum().real * model.case.base_mva
+    return {
+        "Power flow": f"{flow.iterations} iterations, largest mismatch {flow.mismatch:.1e} p.u.",
+        "Generation": f"{generation:,.1f} MW, losses {flow.losses_mw:,.1f} MW",
+        "Dynamic model": f"{model.n_states} states, {len(model.machines)} machines",
+        "Equilibrium": f"largest derivative {residual:.1e}",
+    }
+
+
+def run_facts(run: Trajectory, summary: Summary) -> dict[str, str]:
+    """What happened in a run."""
+    low, high = summary.lowest_voltage, summary.highest_voltage
+    outcome = f"{run.status.value} at {run.times[-1]:g} s"
+    if run.culprit is not None:
+        outcome += f", first {run.culprit}"
+    return {
+        "Outcome": outcome,
+        "Criterion": "none" if run.criterion is None else f"ends at {run.criterion}",
+        "Method": f"{run.stepper.name}, {run.stepper.step:g} s, {run.run.step_count} steps",
+        "Lowest voltage": f"{low.value:.3f} p.u. at bus {low.bus}, {low.at_seconds:g} s",
+        "Highest voltage": f"{high.value:.3f} p.u. at bus {high.bus}, {high.at_seconds:g} s",
+        "Time": f"networks {run.setup_seconds:.3f} s, integration {run.simulation_seconds:.3f} s",
+    }
+
+
+def notice_table(run: Trajectory) -> Table:
+    """What happened to the network, in order of time."""
+    table = Table(title="Events", title_justify="left")
+    table.add_column("time (s)", justify="right")
+    table.add_column("what", overflow="fold")
+    for notice in run.notices:
+        table.add_row(f"{notice.time:g}", notice.text)
+    return table
+
+
+def swing_table(summary: Summary, count: int = 8) -> Table:
+    """The machines that swing most."""
+    table = Table(title="Largest swings against the centre of inertia", title_justify="left")
+    for name in ("machine", "angle (deg)", "at (s)", "lowest speed", "highest speed"):
+        table.add_column(name, justify="right")
+    for swing in summary.swings[:count]:
+        table.add_row(
+            str(swing.unit),
+            f"{swing.largest_angle_deg:+.2f}",
+            f"{swing.at_seconds:.2f}",
+            f"{swing.lowest_speed:.5f}",
+            f"{swing.highest_speed:.5f}",
+        )
+    return table
+
+
+def mode_table(modes: SmallSignal, shown: Sequence[int]) -> Table:
+    """Modes with their damping and the states that take part most."""
+    table = Table(title="Modes", title_justify="left")
+    for name in ("eigenvalue (1/s)", "frequency (Hz)", "damping (%)"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("states with the largest participation factors", overflow="fold")
+    ratio = modes.damping_ratio
+    for k in shown:
+        value = modes.eigenvalues[k]
+        text = f"{value.real:+.4f} ± {value.imag:.4f}j" if value.imag else f"{value.real:+.4f}"
+        states = ", ".join(f"{name} {factor:.2f}" for name, factor in modes.dominant_states(k))
+        note = "common angle; " if modes.common_angle[k] else ""
+        damping = "" if modes.common_angle[k] else f"{100 * ratio[k]:.2f}"
+        table.add_row(text, f"{modes.frequency_hz[k]:.4f}", damping, note + states)
+    return table
+
+
+def clearing_table(times: Sequence[ClearingTime]) -> Table:
+    """Critical clearing times by bus."""
+    table = Table(title="Critical clearing times", title_justify="left")
+    table.add_column("bus", justify="right")
+    table.add_column("CCT (s)", justify="right")
+    table.add_column("runs", justify="right")
+    for item in times:
+        mark = "" if item.bounded else ">= "
+        table.add_row(
+            str(getattr(item.fault, "bus", "")), f"{mark}{item.seconds:g}", str(item.runs)
+        )
+    return table

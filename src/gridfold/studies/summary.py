@@ -1,0 +1,79 @@
+"""The figures an engineer asks for first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gridfold.grid.case import UnitKey
+from gridfold.studies.trajectory import AngleReference, Trajectory
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Largest excursion of one machine: angle against the centre of inertia (degrees), speed (p.u.)."""
+
+    unit: UnitKey
+    largest_angle_deg: float
+    at_seconds: float
+    lowest_speed: float
+    highest_speed: float
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """An extreme value, where (bus number) and when (s)."""
+
+    value: float
+    bus: int
+    at_seconds: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Swings of all machines in service, the largest first, and extremes of the voltage after the last event."""
+
+    swings: tuple[Swing, ...]
+    lowest_voltage: Extreme
+    highest_voltage: Extreme
+
+
+def summarize(run: Trajectory) -> Summary:
+    """Summarize a run."""
+    deviation = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
+    deviation = deviation - deviation[0]
+    speed = run.signal("speed")
+    swings = []
+    for column, unit in enumerate(run.model.machines):
+        if np.isnan(speed[:, column]).all():
+            continue
+        angle = np.nan_to_num(deviation[:, column])
+        peak = int(np.argmax(np.abs(angle)))
+        swings.append(
+            Swing(
+                unit,
+                float(angle[peak]),
+                float(run.times[peak]),
+                float(np.nanmin(speed[:, column])),
+                float(np.nanmax(speed[:, column])),
+            )
+        )
+    swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
+    return Summary(tuple(swings), *_voltage_extremes(run))
+
+
+def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
+    """Lowest and highest voltage of energized buses from the last event on."""
+    last = max((notice.time for notice in run.notices), default=0.0)
+    rows = np.flatnonzero(run.times >= min(last, run.times[-1]))
+    magnitude = np.abs(run.bus_voltage()[rows])
+    final = run.models[len(run.run.pieces) - 1]
+    on = np.flatnonzero(final.equations.islands.energized)
+    result = []
+    for pick in (np.argmin, np.argmax):
+        row, column = np.unravel_index(pick(magnitude[:, on]), (len(rows), len(on)))
+        bus = run.model.case.buses[on[column]].number
+        value = float(magnitude[row, on[column]])
+        result.append(Extreme(value, bus, float(run.times[rows[row]])))
+    return result[0], result[1]
