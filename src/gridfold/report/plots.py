@@ -57,7 +57,7 @@ def plot_eigenvalues(modes: SmallSignal, title: str, path: Path) -> None:
     """Eigenvalues in the complex plane with lines of constant damping ratio."""
     figure = new_figure(9, 6)
     axes = figure.subplots()
-    values = modes.eigenvalues
+    values = modes.eigenvalues[modes.eigenvalues.imag >= 0]
     shown = values[values.real > -3.0]
     top = max(float(np.abs(shown.imag).max(initial=1.0)) * 1.08, 1.0)
     for ratio in (0.03, 0.05, 0.1):
@@ -70,7 +70,7 @@ def plot_eigenvalues(modes: SmallSignal, title: str, path: Path) -> None:
     axes.set_xlabel("Real part (1/s)")
     axes.set_ylabel("Imaginary part (rad/s)")
     hidden = len(values) - len(shown)
-    axes.set_title(f"{title} ({hidden} eigenvalues lie further left; dashed: damping ratio)")
+    axes.set_title(f"{title} ({hidden} modes lie further left; dashed: damping ratio)")
     axes.grid(color="#eeeeee")
     save_figure(figure, path)
 

@@ -32,7 +32,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Summary:
-    """Swings of all machines in service, the largest first, and extremes of the voltage after the last event."""
+    """Swings of the machines, the largest first, and voltage extremes after the last event."""
 
     swings: tuple[Swing, ...]
     lowest_voltage: Extreme

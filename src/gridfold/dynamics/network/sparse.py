@@ -25,26 +25,28 @@ _HEADER = 5
 
 def sparse_network(equations: NetworkEquations) -> CompiledNetwork:
     """Compile the equations into two sparse triangular solves."""
-    factors = equations.factors
-    if not np.array_equal(factors.perm_r, factors.perm_c):
-        raise NetworkError("the sparse network solver needs factors without pivoting; use dense")
-    lower, upper = csc_array(factors.L), csc_array(factors.U)
     present = equations.terminals >= 0
-    places = np.where(present, factors.perm_r[equations.terminals], -1)
-    reached = _paths_to_root(lower, places[present])
-    lower = csc_array(lower[reached][:, reached])
-    upper = csc_array(upper[reached][:, reached])
-    position = np.full(len(equations.live), -1)
-    position[reached] = np.arange(len(reached))
-    terminals = np.where(present, position[places], -1)
+    terminals = np.full(len(present), -1)
+    lower = upper = csc_array((0, 0), dtype=np.complex128)
+    if present.any():
+        factors = equations.factors
+        if not np.array_equal(factors.perm_r, factors.perm_c):
+            raise NetworkError(
+                "the sparse network solver needs factors without pivoting; use dense"
+            )
+        lower, upper = csc_array(factors.L), csc_array(factors.U)
+        places = factors.perm_r[equations.terminals[present]]
+        reached = _paths_to_root(lower, places)
+        lower, upper = lower[reached][:, reached], upper[reached][:, reached]
+        terminals[present] = np.searchsorted(reached, places)
     low, low_values = _strict_columns(lower, below=True)
     up, up_values = _strict_columns(upper, below=False)
     inverse = 1 / upper.diagonal()
     values = np.concatenate([low_values, up_values, inverse])
-    header = [len(terminals), len(reached), len(low_values), len(up_values), len(low)]
+    header = [len(terminals), lower.shape[0], len(low_values), len(up_values), len(low)]
     integers = np.concatenate([header, terminals, low, up]).astype(np.int64)
     reals = np.concatenate([values.real, values.imag])
-    return CompiledNetwork(_compiled().address, integers, reals, 2 * len(reached))
+    return CompiledNetwork(_compiled().address, integers, reals, 2 * lower.shape[0])
 
 
 def _paths_to_root(lower: csc_array, starts: NDArray[np.int64]) -> NDArray[np.int64]:

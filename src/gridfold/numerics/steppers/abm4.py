@@ -1,7 +1,10 @@
 """The Adams-Bashforth-Moulton method of order 4 as a PECE scheme, started by Runge-Kutta.
 
-Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., pp. 358-360
-(coefficients) and p. 360 (PECE). Two evaluations a step, against four of Runge-Kutta.
+The difference of predictor and corrector tells the leading error of the corrector (Milne's device,
+19/270 of it), which is taken off: local extrapolation.
+
+Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., section III.1
+(coefficients, PECE). Two evaluations a step, against four of Runge-Kutta.
 """
 
 from __future__ import annotations
@@ -52,14 +55,15 @@ class AdamsBashforthMoulton4:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
-    """Predict, evaluate, correct; rows 0-3 of f are the derivatives at t_n, t_n-1, t_n-2, t_n-3."""
+    """Predict, evaluate, correct, extrapolate; f[j] is the derivative at t_(n-j), j = 0 ... 3."""
     n = len(x)
     c = h / 24
     for i in range(n):
         stage[i] = x[i] + c * (55 * f[0, i] - 59 * f[1, i] + 37 * f[2, i] - 9 * f[3, i])
     invoke(address, (integers, reals, work, stage, k))
     for i in range(n):
-        x_new[i] = x[i] + c * (9 * k[i] + 19 * f[0, i] - 5 * f[1, i] + f[2, i])
+        corrected = x[i] + c * (9 * k[i] + 19 * f[0, i] - 5 * f[1, i] + f[2, i])
+        x_new[i] = corrected - 19 / 270 * (corrected - stage[i])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

@@ -1,0 +1,98 @@
+"""What holds for every device model in the registry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gridfold.dynamics.device import Role, run_kernel
+from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
+from gridfold.dynamics.registry import DEVICES
+
+UNITS = 3
+
+
+@pytest.fixture(params=sorted(DEVICES))
+def device(request):
+    return DEVICES[request.param]
+
+
+def some_rows(count: int, seed: int) -> np.ndarray:
+    values = np.random.default_rng(seed).uniform(0.2, 1.2, (count, UNITS))
+    return np.ascontiguousarray(values, dtype=np.complex128)
+
+
+def stages(device, x, u, p):
+    y = output_stage(device, x, u, p, source_stage(device, x, p))
+    return y, derivative_stage(device, x, u, p, y)
+
+
+def test_every_state_and_every_output_is_written(device):
+    x, u, p = (
+        some_rows(len(names), seed)
+        for seed, names in enumerate((device.states, device.inputs, device.parameter_rows))
+    )
+    y, dx = np.full((len(device.signal_rows), UNITS), np.nan, complex), None
+    empty = np.zeros((0, UNITS), complex)
+    run_kernel(device.source, x, empty, p, y, empty)
+    run_kernel(device.output, x, u, p, y, empty)
+    dx = np.full((len(device.states), UNITS), np.nan, complex)
+    run_kernel(device.derivative, x, u, p, y, dx)
+    assert np.isfinite(y).all()
+    assert np.isfinite(dx).all()
+
+
+def test_units_do_not_influence_one_another(device):
+    x, u, p = (
+        some_rows(len(names), seed)
+        for seed, names in enumerate((device.states, device.inputs, device.parameter_rows))
+    )
+    y, dx = stages(device, x, u, p)
+    for unit in range(UNITS):
+        alone = [np.ascontiguousarray(rows[:, [unit]]) for rows in (x, u, p)]
+        y_alone, dx_alone = stages(device, *alone)
+        np.testing.assert_array_equal(y_alone[:, 0], y[:, unit])
+        np.testing.assert_array_equal(dx_alone[:, 0], dx[:, unit])
+
+
+def test_kernels_are_plain_python_and_equal_to_their_compiled_form(device):
+    x, u, p = (
+        some_rows(len(names), seed).real.copy()
+        for seed, names in enumerate((device.states, device.inputs, device.parameter_rows))
+    )
+    compiled_y, compiled_dx = stages(device, *(rows.astype(complex) for rows in (x, u, p)))
+    y = np.zeros((len(device.signal_rows), UNITS))
+    dx = np.zeros((len(device.states), UNITS))
+    for kernel in (device.source, device.output, device.derivative):
+        if kernel is not None:
+            kernel(x, u, p, y, dx)
+    np.testing.assert_allclose(compiled_y.real, y, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(compiled_dx.real, dx, rtol=1e-13, atol=1e-14)
+
+
+def test_start_has_as_many_targets_as_free_quantities(device):
+    assert len(device.targets) == len(device.set_points) + len(device.solved_inputs)
+
+
+def test_only_machines_have_a_source_and_an_admittance(device):
+    is_machine = device.role is Role.MACHINE
+    assert (device.source is not None) == is_machine
+    assert (device.admittance is not None) == is_machine
+
+
+def test_admittance_is_the_slope_of_the_stator_current(device):
+    if device.admittance is None:
+        pytest.skip("no stator")
+    x, p = some_rows(len(device.states), 1), some_rows(len(device.parameter_rows), 2)
+    names = list(device.inputs)
+    admittance = device.admittance(dict(zip(device.parameter_rows, p.real, strict=True)))
+    source = source_stage(device, x, p)
+    u = some_rows(len(names), 3)
+    y = output_stage(device, x, u, p, source)
+    voltage = u[names.index("voltage_real")].real + 1j * u[names.index("voltage_imag")].real
+    current = (source[0] + 1j * source[1]) - admittance * voltage
+    power = voltage * np.conj(current)
+    rows = dict(zip(device.signal_rows, y.real, strict=True))
+    np.testing.assert_allclose(rows["active_power"], power.real, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(rows["reactive_power"], power.imag, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(rows["terminal_voltage"], np.abs(voltage), rtol=1e-13)

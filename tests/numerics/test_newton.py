@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import numpy as np
+
+from gridfold.numerics.newton import complex_step_jacobian, newton_batch
+
+
+def test_complex_step_jacobian_is_exact_to_rounding():
+    def function(z):
+        return np.array([np.exp(z[0]) * np.sin(z[1]), z[0] ** 3])
+
+    z = np.array([[0.3, 1.1], [0.7, -0.4]])
+    jacobian = complex_step_jacobian(function, z)
+    a, b = z
+    expected = [
+        [np.exp(a) * np.sin(b), np.exp(a) * np.cos(b)],
+        [3 * a**2, np.zeros(2)],
+    ]
+    np.testing.assert_allclose(jacobian, expected, rtol=1e-15)
+
+
+def test_newton_solves_every_column_of_the_batch():
+    targets = np.array([2.0, 3.0, 10.0])
+
+    def function(z):
+        return np.array([z[0] ** 2 - targets, z[1] - z[0]])
+
+    solution = newton_batch(function, np.ones((2, 3)))
+    np.testing.assert_allclose(solution, [np.sqrt(targets)] * 2, rtol=1e-14)
+
+
+def test_newton_returns_the_best_point_where_there_is_no_root():
+    solution = newton_batch(lambda z: z**2 + 1, np.array([[0.5]]))
+    assert np.isfinite(solution).all()
