@@ -1,0 +1,216 @@
+"""The command as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from bad_input_samples import CASE_FOLDERS, DEVICE_FOLDERS, EVENTS, EventSample, FolderSample
+
+import gridfold as gf
+from gridfold.cli import main
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run ``gridfold ARGUMENTS`` in this process: exit code, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["gridfold", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        captured = capsys.readouterr()
+        return end.value.code or 0, captured.out, captured.err
+
+    return run
+
+
+def test_simulate_keeps_its_contract_for_scripts(command, tmp_path, npcc):
+    csv, facts = tmp_path / "out.csv", tmp_path / "out.json"
+    code, _, _ = command(
+        "simulate", "npcc", "--fault-bus", 3, "--fault-start", 0, "--fault-duration", 0.2,
+        "--t-end", 16, "--step", 0.01, "--csv", csv, "--json", facts,
+    )  # fmt: skip
+    assert code == 0
+    frame = pd.read_csv(csv)
+    assert frame.columns[0] == "time"
+    assert {"angle_deg:23:2", "speed_pu:78:1", "voltage_pu:140"} <= set(frame.columns)
+    expected = gf.simulate(npcc, [gf.BusFault(3, duration=0.2)], 16.0)
+    np.testing.assert_allclose(frame["time"], expected.times, atol=1e-9)
+    np.testing.assert_allclose(
+        frame["angle_deg:23:2"], expected.rotor_angle_deg(["23:2"])[:, 0], rtol=1e-8
+    )
+    record = json.loads(facts.read_text())
+    assert record["status"] == "completed"
+    assert record["steps"] == 1600
+    assert (record["states"], record["machines"], record["buses"]) == (432, 48, 140)
+    assert record["setup_seconds"] > 0
+    assert record["simulation_seconds"] > 0
+
+
+def test_exit_code_tells_loss_of_synchronism(command, tmp_path):
+    code, out, _ = command(
+        "simulate", "npcc", "--fault-bus", 3, "--fault-duration", 0.6, "--csv", tmp_path / "a.csv"
+    )
+    assert code == 3
+    assert "lost synchronism" in out
+    assert (tmp_path / "a.csv").exists()
+
+
+def test_exit_code_tells_states_that_are_not_finite(command):
+    code, out, _ = command(
+        "simulate", "npcc", "--fault-bus", 3, "--step", 2, "--no-watch", "--json", "-"
+    )
+    assert code == 1
+    assert json.loads(out)["status"] == "not finite"
+
+
+def test_json_on_standard_output_is_all_there_is(command):
+    code, out, err = command("info", "npcc", "--json", "-")
+    assert code == 0
+    assert json.loads(out)["states"] == 432
+    assert err == ""
+
+
+def test_events_come_from_options_and_files_alike(command, tmp_path):
+    file = tmp_path / "events.toml"
+    file.write_text('[[event]]\nkind = "branch-fault"\nbranch = "3-2"\nduration = 0.1\n')
+    _, from_file, _ = command("simulate", "npcc", "--events", file, "--t-end", 1, "--json", "-")
+    text = "branch-fault branch=3-2 duration=0.1"
+    _, from_text, _ = command("simulate", "npcc", "--event", text, "--t-end", 1, "--json", "-")
+    assert json.loads(from_file)["events"] == json.loads(from_text)["events"]
+    assert json.loads(from_file)["swings"] == json.loads(from_text)["swings"]
+
+
+def test_all_result_files_are_written(command, tmp_path):
+    names = ["a.csv", "a.parquet", "a.npz", "a.png", "a.svg", "a.json"]
+    options = [f"--{kind}" for kind in ("csv", "parquet", "npz", "plot", "plot", "json")]
+    files = [tmp_path / name for name in names]
+    pairs = [item for pair in zip(options, files, strict=True) for item in pair]
+    code, _, _ = command(
+        "simulate", "npcc", "--fault-bus", 3, "--t-end", 0.5, "--method", "abm4",
+        "--network", "sparse", "--signals", "field_voltage, active_power", *pairs,
+    )  # fmt: skip
+    assert code == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "a.csv.meta.json"])
+    assert "active_power:23:1" in pd.read_parquet(tmp_path / "a.parquet").columns
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (tmp_path / "a.svg").read_text()
+
+
+def test_cct_writes_a_list_of_buses_and_times(command):
+    code, out, _ = command("cct", "npcc", "--buses", "3,5-6", "--json", "-")
+    assert code == 0
+    assert [(row["bus"], row["cct_s"]) for row in json.loads(out)] == [
+        (3, 0.39),
+        (5, 0.09),
+        (6, 0.08),
+    ]
+
+
+def test_eigenvalues_are_printed_drawn_and_exported(command, tmp_path):
+    code, out, _ = command("eigenvalues", "npcc", "--count", 3, "--plot", tmp_path / "m.png")
+    assert code == 0
+    assert "Rightmost eigenvalue apart from the common angle: -0.24" in out
+    assert (tmp_path / "m.png").exists()
+    _, out, _ = command("eigenvalues", "npcc", "--json", "-")
+    modes = json.loads(out)["modes"]
+    assert sum(mode["common_angle"] for mode in modes) == 1
+
+
+def test_demo_prints_what_happened_and_draws_it(command, tmp_path):
+    code, out, _ = command("demo", "--out", tmp_path / "demo")
+    assert code == 0
+    assert "fault at bus 3 cleared" in out
+    assert "0.39 s for this fault" in out
+    assert {p.name for p in (tmp_path / "demo").iterdir()} == {
+        "bus3.csv",
+        "bus3.csv.meta.json",
+        "bus3.png",
+    }
+
+
+def test_a_repeated_event_text_is_bad_input_without_a_traceback(command):
+    code, out, err = command("simulate", "npcc", "--event", "bus-fault bus=3 bus=4")
+    assert (code, out) == (2, "")
+    assert err.startswith("gridfold: error:")
+
+
+@pytest.mark.parametrize("sample", EVENTS, ids=lambda sample: sample.id)
+def test_a_bad_event_ends_with_exit_code_2_a_message_and_no_file(
+    command, tmp_path, sample: EventSample
+):
+    events = [item for text in sample.texts for item in ("--event", text)]
+    target = tmp_path / "out.csv"
+    code, out, err = command(
+        "simulate", "npcc", "--t-end", sample.t_end, *events, "--csv", target, "--json", "-"
+    )
+    assert (code, out) == (2, "")
+    assert err.startswith("gridfold: error:")
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("sample", CASE_FOLDERS + DEVICE_FOLDERS, ids=lambda sample: sample.id)
+def test_a_bad_case_ends_with_exit_code_2_and_a_message(command, tmp_path, sample: FolderSample):
+    code, out, err = command("simulate", sample.write(tmp_path / "case"), "--t-end", 0.1)
+    assert (code, out) == (2, "")
+    assert err.startswith("gridfold: error:")
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", "no-such-case"),
+        ("simulate", "npcc", "--fault-duration", "0.1"),
+        ("simulate", "npcc", "--trip-bus"),
+        ("simulate", "npcc", "--fault-bus", "three"),
+        ("simulate", "npcc", "--step", "0"),
+        ("simulate", "npcc", "--step", "nan"),
+        ("simulate", "npcc", "--t-end", "-1"),
+        ("simulate", "npcc", "--angle-limit", "0"),
+        ("simulate", "npcc", "--method", "euler"),
+        ("simulate", "npcc", "--plot", "run.pdf"),
+        ("simulate", "npcc", "--events", "no-such-file.toml"),
+        ("simulate", "npcc", "--t-end", "0.1", "--signals", "nonsense", "--csv", "x.csv"),
+        ("cct", "npcc"),
+        ("cct", "npcc", "--buses", "1-x"),
+        ("cct", "npcc", "--buses", "9-3"),
+        ("cct", "npcc", "--buses", "999"),
+        ("cct", "npcc", "--buses", "3", "--longest", "20"),
+        ("eigenvalues", "npcc", "--count", "0"),
+        ("info",),
+        ("frobnicate",),
+    ],
+)
+def test_bad_options_end_with_exit_code_2_and_leave_nothing(
+    command, tmp_path, monkeypatch, arguments
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = command(*arguments)
+    assert code == 2
+    assert err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_result_that_cannot_be_written_is_an_error_with_its_path(command, tmp_path):
+    (tmp_path / "file").write_text("")
+    target = tmp_path / "file" / "out.csv"
+    code, _, err = command("simulate", "npcc", "--t-end", 0.1, "--csv", target)
+    assert code == 2
+    assert str(target) in err.replace("\n", "")
+
+
+def test_installed_command_and_help_work_in_a_process_of_their_own():
+    command = [sys.executable, "-c", "from gridfold.cli import main; main()"]
+    shown = subprocess.run([*command, "--help"], capture_output=True, text=True, check=True)
+    for name in ("demo", "info", "simulate", "eigenvalues", "cct"):
+        assert name in shown.stdout
+    version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
+    assert version.stdout.strip() == f"gridfold {gf.__version__}"
