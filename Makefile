@@ -9,7 +9,10 @@ SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -nam
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
 
+# Compiled code is cached by source file; a change in a function that a kernel of another file calls
+# does not renew that file's cache, so the checks start without one.
 test: $(VENV)/.dev lint docs
+	find src -name '*.nb[ic]' -delete
 	$(BIN)/pytest
 
 lint: $(VENV)/.dev

@@ -11,7 +11,13 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gridfold.cli.console import (
+    AngleLimitOption,
+    CaseArgument,
+    EndOption,
+    JsonOption,
     Method,
+    MethodOption,
+    StepOption,
     err,
     make_stepper,
     out,
@@ -43,12 +49,6 @@ class ModeOrder(Enum):
 
     DAMPING = "damping"
     REAL = "real"
-
-
-CaseArgument = Annotated[
-    str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")
-]
-JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
 
 
 def info(case: CaseArgument, json: JsonOption = None) -> None:
@@ -122,15 +122,10 @@ def cct(
     buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
     resolution: Annotated[float, typer.Option(help="Grid of clearing times (s).")] = 0.01,
     longest: Annotated[float, typer.Option(help="Longest clearing time tried (s).")] = 2.0,
-    t_end: Annotated[float, typer.Option(help="End of each run (s).")] = 16.0,
-    step: Annotated[
-        float | None, typer.Option(help="Time step (s).", show_default="0.01; abm4 0.02")
-    ] = None,
-    method: Annotated[Method, typer.Option(help="Integration rule.")] = Method.RK4,
-    angle_limit: Annotated[
-        float,
-        typer.Option(help="Angle from the centre of inertia at which synchronism is lost (deg)."),
-    ] = 180.0,
+    t_end: EndOption = 16.0,
+    step: StepOption = None,
+    method: MethodOption = Method.RK4,
+    angle_limit: AngleLimitOption = 180.0,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
     ] = None,

@@ -8,8 +8,9 @@ import sys
 from collections.abc import Mapping
 from enum import Enum, IntEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
 
 from gridfold.errors import OptionError
@@ -40,6 +41,20 @@ class Method(Enum):
 
     RK4 = "rk4"
     ABM4 = "abm4"
+
+
+CaseArgument = Annotated[
+    str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")
+]
+EndOption = Annotated[float, typer.Option(help="End of each run (s).")]
+StepOption = Annotated[
+    float | None, typer.Option(help="Time step (s).", show_default="0.01; abm4 0.02")
+]
+MethodOption = Annotated[Method, typer.Option(help="Integration rule.")]
+AngleLimitOption = Annotated[
+    float, typer.Option(help="Angle from the centre of inertia at which synchronism is lost (deg).")
+]
+JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
 
 
 def exit_code(status: Status) -> ExitCode:

@@ -12,8 +12,14 @@ import typer
 
 from gridfold.cli.console import (
     EXIT_CODES,
+    AngleLimitOption,
+    CaseArgument,
+    EndOption,
     ExitCode,
+    JsonOption,
     Method,
+    MethodOption,
+    StepOption,
     exit_code,
     make_stepper,
     out,
@@ -81,7 +87,7 @@ def demo(
 
 
 def simulate(
-    case: Annotated[str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")],
+    case: CaseArgument,
     fault_bus: Annotated[int | None, typer.Option(help="Bus with a three-phase fault.")] = None,
     fault_start: Annotated[
         float | None, typer.Option(help="Time of that fault (s).", show_default="0")
@@ -104,15 +110,10 @@ def simulate(
     events: Annotated[
         Path | None, typer.Option(help="TOML file with \\[\\[event]] tables.")
     ] = None,
-    t_end: Annotated[float, typer.Option(help="End of the run (s).")] = 16.0,
-    step: Annotated[
-        float | None, typer.Option(help="Time step (s).", show_default="0.01; abm4 0.02")
-    ] = None,
-    method: Annotated[Method, typer.Option(help="Integration rule.")] = Method.RK4,
-    angle_limit: Annotated[
-        float,
-        typer.Option(help="Angle from the centre of inertia at which synchronism is lost (deg)."),
-    ] = 180.0,
+    t_end: EndOption = 16.0,
+    step: StepOption = None,
+    method: MethodOption = Method.RK4,
+    angle_limit: AngleLimitOption = 180.0,
     no_watch: Annotated[
         bool, typer.Option("--no-watch", help="Go on after loss of synchronism.")
     ] = False,
@@ -122,9 +123,7 @@ def simulate(
     npz: Annotated[Path | None, typer.Option(help="Write all states as a NumPy archive.")] = None,
     signals: Annotated[str, typer.Option(help="Further columns, such as field_voltage.")] = "",
     plot: Annotated[list[Path] | None, typer.Option(help="Draw the run (.png or .svg).")] = None,
-    json: Annotated[
-        str | None, typer.Option(help="Write facts as JSON; - for the terminal.")
-    ] = None,
+    json: JsonOption = None,
 ) -> None:
     """Simulate a disturbance."""
     began = time.perf_counter()

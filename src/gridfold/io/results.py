@@ -53,7 +53,7 @@ def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> N
     """Write a table as CSV and its metadata as ``NAME.meta.json`` beside it."""
     text = _json(metadata)
     beside = path.with_name(path.name + ".meta.json")
-    with replacing(path) as table, replacing(beside) as notes:
+    with replacing(beside) as notes, replacing(path) as table:
         frame.to_csv(table, index=False, float_format="%.10g")
         notes.write_text(text, encoding="utf-8")
 

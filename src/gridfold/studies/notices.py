@@ -56,7 +56,8 @@ def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterato
                 yield f"{_name(lost)} de-energized, {mw:.1f} MW of load lost"
         elif frozenset(buses) not in known and buses is not largest:
             units = ", ".join(str(unit) for unit in machines if unit.bus in set(buses))
-            yield f"{_name(buses)} run on as an island of their own with machines {units}"
+            how = "runs on as an island of its own" if len(buses) == 1 else "run on as an island"
+            yield f"{_name(buses)} {how} with machines {units}"
     dead_now = {bus.number for bus, on in zip(case.buses, now.energized, strict=True) if not on}
     back = sorted(dead_before - dead_now)
     if back:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gridfold.numerics.compiled import FAST, invoke
 from gridfold.numerics.rhs import CompiledRhs
-from gridfold.numerics.steppers.base import Integration, check_step
+from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.steppers.rk4 import rk4_step
 from gridfold.numerics.watch import SpreadWatch, spread
 
@@ -44,13 +44,7 @@ class AdamsBashforthMoulton4:
         watch: SpreadWatch,
     ) -> Integration:
         """Integrate from `x0` along `times`."""
-        states = np.empty((len(times), rhs.n_states))
-        states[0] = x0
-        done, fired = _loop(
-            rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, self.step, states,
-            watch.index, watch.group, watch.weight, watch.reference, watch.limit,
-        )  # fmt: skip
-        return Integration(states[: done + 1], fired)
+        return run_loop(_loop, self.step, rhs, times, x0, watch)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

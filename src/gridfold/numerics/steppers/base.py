@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,24 @@ class Stepper(Protocol):
         watch: SpreadWatch,
     ) -> Integration:
         """Integrate from ``x0`` at ``times[0]``; the result includes the start."""
+
+
+def run_loop(
+    loop: Callable[..., Any],
+    step: float,
+    rhs: CompiledRhs,
+    times: NDArray[np.float64],
+    x0: NDArray[np.float64],
+    watch: SpreadWatch,
+) -> Integration:
+    """Run the compiled loop of a stepper, which fills the states and returns (steps, watch fired)."""
+    states = np.empty((len(times), rhs.n_states))
+    states[0] = x0
+    done, fired = loop(
+        rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, step, states,
+        watch.index, watch.group, watch.weight, watch.reference, watch.limit,
+    )  # fmt: skip
+    return Integration(states[: done + 1], fired)
 
 
 def check_step(step: float) -> None:

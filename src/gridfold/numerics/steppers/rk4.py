@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gridfold.numerics.compiled import FAST, invoke
 from gridfold.numerics.rhs import CompiledRhs
-from gridfold.numerics.steppers.base import Integration, check_step
+from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.watch import SpreadWatch, spread
 
 
@@ -35,13 +35,7 @@ class RungeKutta4:
         watch: SpreadWatch,
     ) -> Integration:
         """Integrate from `x0` along `times`."""
-        states = np.empty((len(times), rhs.n_states))
-        states[0] = x0
-        done, fired = _loop(
-            rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, states,
-            watch.index, watch.group, watch.weight, watch.reference, watch.limit,
-        )  # fmt: skip
-        return Integration(states[: done + 1], fired)
+        return run_loop(_loop, self.step, rhs, times, x0, watch)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -65,7 +59,9 @@ def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _loop(address, integers, reals, work, times, states, index, group, weight, reference, limit):
+def _loop(
+    address, integers, reals, work, times, full_step, states, index, group, weight, reference, limit
+):
     n = states.shape[1]
     f, stage, k = np.empty(n), np.empty(n), np.empty(n)
     distances = np.empty(len(index))
