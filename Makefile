@@ -28,7 +28,7 @@ bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run_all.py
 
 clean:
-	rm -rf $(VENV) build docs/_build gridfold-demo
+	rm -rf $(VENV) build docs/_build docs/_generated gridfold-demo
 
 $(VENV)/bin/pip:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gridfold needs Python 3.11 or later")'

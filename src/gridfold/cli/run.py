@@ -15,7 +15,6 @@ from gridfold.cli.console import (
     AngleLimitOption,
     CaseArgument,
     EndOption,
-    ExitCode,
     JsonOption,
     Method,
     MethodOption,
@@ -47,6 +46,7 @@ from gridfold.studies.simulate import simulate as run_simulation
 from gridfold.studies.summary import Summary, summarize
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
+from gridfold.systems.status import Status
 
 _SIMULATE_HELP = f"""Simulate a disturbance on the detailed model of CASE.
 
@@ -193,7 +193,7 @@ def _print_run(run: Trajectory, summary: Summary) -> None:
 def _run_record(run: Trajectory, summary: Summary, setup_seconds: float) -> dict[str, Any]:
     record = run.metadata()
     record |= {
-        "stable": exit_code(run.status) is ExitCode.COMPLETED,
+        "stable": None if run.criterion is None else run.status is Status.COMPLETED,
         "setup_seconds": setup_seconds,
         "simulation_seconds": run.simulation_seconds,
         "states": run.model.n_states,

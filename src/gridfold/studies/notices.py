@@ -21,10 +21,13 @@ class Notice(NamedTuple):
 
 
 def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> tuple[Notice, ...]:
-    """Events, de-energized parts with their lost load, and new islands, in order of time."""
+    """Events, de-energized parts with their lost load, and new islands, in order of time.
+
+    `models` are those of the stages; further ones are not looked at.
+    """
     notices: list[Notice] = []
     before: DetailedModel | None = None
-    for stage, model in zip(stages, models, strict=True):
+    for stage, model in zip(stages, models, strict=False):
         if stage.label != "start":
             notices.append(Notice(stage.start, stage.label))
         notices += [Notice(stage.start, text) for text in _island_texts(before, model)]

@@ -109,7 +109,7 @@ def simulate(
         run=run,
         models=plan.models,
         events=tuple(events),
-        notices=stage_notices(plan.stages, plan.models),
+        notices=stage_notices(plan.stages[: len(run.pieces)], plan.models),
         stepper=stepper,
         criterion=criterion,
         t_end=t_end,

@@ -19,7 +19,9 @@ class Status(Enum):
 
 
 _ADVICE = {
-    Status.COMPLETED: "The run reached its end time and no machine left synchronism.",
+    Status.COMPLETED: (
+        "The run reached its end time, and no machine left synchronism if that was watched."
+    ),
     Status.LOST_SYNCHRONISM: (
         "A rotor angle left the band of the synchronism criterion; the run was ended there."
     ),

@@ -3,7 +3,7 @@
 The factors have a symmetric pattern and no pivoting. A right-hand side that is non-zero only at the
 terminals, of which the solution is wanted only there, touches only the rows on the paths from the
 terminals to the root of the elimination tree (Davis, Direct Methods for Sparse Linear Systems, 2006,
-section 3.2 and theorem 3.2); the factors are cut down to those rows.
+sections 3.2 and 4.1); the factors are cut down to those rows.
 """
 
 from __future__ import annotations

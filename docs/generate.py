@@ -1,0 +1,246 @@
+"""Fragments of the documentation that follow from the code, or that other commands make.
+
+All of them are written into ``docs/_generated``, which no one edits and which is not kept.
+"""
+
+from __future__ import annotations
+
+import re
+import types
+import typing
+from collections.abc import Iterator, Sequence
+from dataclasses import MISSING, Field, fields
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import gridfold
+from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling
+from gridfold.dynamics.registry import DEVICES
+from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
+from gridfold.grid.events import EVENTS
+
+#: Fragments that a command of the project makes: that command, and the level of their headings.
+MADE_ELSEWHERE = {
+    "benchmarks": ("make bench", 2),
+    "cct": ("python benchmarks/clearing_times.py", 4),
+}
+
+_TABLES: dict[str, type] = {
+    "buses": Bus,
+    "branches": Branch,
+    "generators": Generator,
+    "loads": Load,
+    "shunts": Shunt,
+}
+
+_COLUMNS = {
+    "number": "Number of the bus, positive and unique",
+    "name": "Name for people",
+    "base_kv": "Base voltage in kV",
+    "area": "Area number; its name may stand in `case.toml`",
+    "zone": "Zone number",
+    "Bus.voltage_pu": "Stored voltage magnitude in p.u.: start of the power flow",
+    "Bus.angle_deg": "Stored voltage angle in degrees: start of the power flow",
+    "latitude": "Degrees north, for maps",
+    "longitude": "Degrees east, for maps",
+    "from_bus": "First bus; an off-nominal tap is at this end",
+    "to_bus": "Second bus",
+    "circuit": "Tells parallel branches apart",
+    "Branch.resistance": "Series resistance in p.u. on the system base",
+    "Branch.reactance": "Series reactance in p.u. on the system base; may be negative",
+    "susceptance": "Total charging susceptance in p.u. on the system base",
+    "ratio": "Off-nominal turns ratio at the first bus",
+    "shift_deg": "Phase shift at the first bus in degrees",
+    "in_service": "`false` takes the row out of the study",
+    "bus": "Bus number",
+    "id": "Tells units at one bus apart",
+    "Generator.active_mw": "Scheduled active power in MW",
+    "Generator.reactive_mvar": "Reactive power in Mvar; counts where `control` is `power`",
+    "Generator.voltage_pu": "Voltage set point in p.u.",
+    "base_mva": "Base of the unit's device parameters in MVA",
+    "control": "What the unit holds in the power flow",
+    "share": "Its part of the solved power where several units regulate one bus",
+    "Load.active_mw": "Active power drawn in MW",
+    "Load.reactive_mvar": "Reactive power drawn in Mvar",
+    "conductance_mw": "Power drawn at 1 p.u. voltage in MW",
+    "susceptance_mvar": "Power generated at 1 p.u. voltage in Mvar (capacitors: positive)",
+}
+
+_EVENT_FIELDS = {
+    "bus": "Bus number",
+    "branch": "`FROM-TO` or `FROM-TO:CIRCUIT`, from either end",
+    "id": "Id of the unit at the bus",
+    "start": "When the fault comes, in s",
+    "duration": "Time until it is cleared, in s",
+    "time": "When it happens, in s",
+    "fraction": "Place: 0 at the bus named first, 1 at the other",
+    "resistance": "Fault resistance in p.u. on the system base",
+    "reactance": "Fault reactance in p.u. on the system base",
+    "trip_bus": "Cleared by opening every branch at the bus",
+    "trip": "Cleared by opening the branch",
+    "active_mw": "Added active power at the initial voltage, in MW; negative sheds",
+    "reactive_mvar": "Added reactive power at the initial voltage, in Mvar",
+}
+
+_BOUNDS = {Bound.ANY: "any", Bound.NOT_NEGATIVE: "≥ 0", Bound.POSITIVE: "> 0"}
+_SCALINGS = {Scaling.NONE: "none", Scaling.POWER: "$\\times k$", Scaling.IMPEDANCE: "$\\div k$"}
+
+
+def write_all(docs: Path) -> None:
+    """Write every fragment, and check that the API page misses no public name."""
+    _require_complete_api(docs / "reference" / "api.md")
+    folder = docs / "_generated"
+    folder.mkdir(exist_ok=True)
+    for role in Role:
+        _write(folder / f"devices-{role.name.lower()}.md", device_tables(role))
+    _write(folder / "tables.md", case_tables())
+    _write(folder / "events.md", event_tables())
+    for name, (command, level) in MADE_ELSEWHERE.items():
+        made = docs / "generated" / f"{name}.md"
+        _write(folder / f"{name}.md", _fragment(made, command, level))
+    changelog = docs.parent / "CHANGELOG.md"
+    if changelog.is_file():
+        _write(folder / "changes.md", changelog.read_text(encoding="utf-8"))
+    else:
+        _write(folder / "changes.md", "# Changes\n\nThere is no change log yet.\n")
+
+
+def device_tables(role: Role) -> str:
+    """Parameters and signals of every device model of a role."""
+    models = [device for device in DEVICES.values() if device.role is role]
+    return "\n".join(_device(device) for device in models) or "None so far.\n"
+
+
+def case_tables() -> str:
+    """Columns of the tables of a case folder."""
+    parts = []
+    for name, record_type in _TABLES.items():
+        rows = list(_field_rows(record_type, _COLUMNS))
+        parts.append(
+            f"## `{name}.csv`\n\n" + _table(("Column", "Type", "Default", "Meaning"), rows)
+        )
+    return "\n".join(parts)
+
+
+def event_tables() -> str:
+    """Fields of every kind of event."""
+    parts = []
+    for kind, event_type in EVENTS.items():
+        rows = list(_field_rows(event_type, _EVENT_FIELDS))
+        table = _table(("Field", "Type", "Default", "Meaning"), rows)
+        text = (event_type.__doc__ or "").split("\n\n")[0].replace("``", "`")
+        parts.append(f"### `{kind}`: `gridfold.{event_type.__name__}`\n\n{text}\n\n{table}")
+    return "\n".join(parts)
+
+
+def _device(device: Device) -> str:
+    lines = [
+        f"### {device.title[0].upper()}{device.title[1:]}\n",
+        f"File: `devices/{device.model}.csv`\n",
+        _table(
+            ("Column", "Symbol", "Unit", "Range", "Default", "To system base"),
+            [_parameter_row(parameter) for parameter in device.parameters],
+        ),
+    ]
+    for label, names in (
+        ("States", device.states),
+        ("Inputs", device.inputs),
+        ("Outputs", device.signal_rows),
+        ("Set points found at the start", device.set_points),
+        ("Inputs found at the start", device.solved_inputs),
+        ("Values met at the start", device.targets),
+    ):
+        if names:
+            lines.append(f"{label}\n: " + ", ".join(f"`{name}`" for name in names) + "\n")
+    return "\n".join(lines)
+
+
+def _parameter_row(parameter: Parameter) -> tuple[str, ...]:
+    default = "required" if parameter.default is None else f"{parameter.default:g}"
+    return (
+        f"`{parameter.name}`",
+        symbol(parameter.symbol),
+        parameter.unit,
+        _BOUNDS[parameter.bound],
+        default,
+        _SCALINGS[parameter.scaling],
+    )
+
+
+def symbol(text: str) -> str:
+    """A symbol such as ``X'd`` or ``TA`` in mathematical notation."""
+    match = re.fullmatch(r"([A-Z])('?)(\w*)", text)
+    if match is None:
+        raise ValueError(f"cannot typeset the symbol {text!r}")
+    letter, prime, index = match.groups()
+    return f"${letter}{prime}" + (f"_{{{index}}}$" if index else "$")
+
+
+def _field_rows(record_type: type, meanings: dict[str, str]) -> Iterator[tuple[str, ...]]:
+    hints = typing.get_type_hints(record_type)
+    for item in fields(record_type):
+        meaning = meanings.get(f"{record_type.__name__}.{item.name}", meanings.get(item.name))
+        if meaning is None:
+            raise KeyError(f"docs/generate.py says nothing of {record_type.__name__}.{item.name}")
+        yield f"`{item.name}`", _kind(hints[item.name]), _default(item), meaning
+
+
+def _kind(hint: Any) -> str:
+    if isinstance(hint, types.UnionType):
+        hint = next(option for option in typing.get_args(hint) if option is not type(None))
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return " / ".join(f"`{member.value}`" for member in hint)
+    names = {int: "whole number", float: "number", str: "text", bool: "`true` / `false`"}
+    return names[hint]
+
+
+def _default(item: Field[Any]) -> str:
+    if item.default is MISSING:
+        return "required"
+    if item.default is None or item.default == "":
+        return "none"
+    if isinstance(item.default, Enum):
+        return f"`{item.default.value}`"
+    if isinstance(item.default, bool):
+        return f"`{str(item.default).lower()}`"
+    return f"{item.default:g}" if isinstance(item.default, int | float) else f"`{item.default}`"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def _fragment(made: Path, command: str, level: int) -> str:
+    """A fragment without its title, headings from `level` down; a note if it is not there."""
+    if not made.is_file():
+        return (
+            f"```{{note}}\nThe figures of this section are made by `{command}`: not yet run.\n```\n"
+        )
+    text = re.sub(r"\A\s*#+ .*\n", "", made.read_text(encoding="utf-8"))
+    lines = text.splitlines()
+    titles = [row for row in range(len(lines)) if _is_heading(lines, row)]
+    highest = min((len(lines[row].split()[0]) for row in titles), default=level)
+    for row in titles:
+        lines[row] = "#" * (level - highest) + lines[row]
+    return "\n".join(lines) + "\n"
+
+
+def _is_heading(lines: Sequence[str], row: int) -> bool:
+    """Whether a line is a heading, not a comment inside a block of code."""
+    fences = sum(line.lstrip().startswith("```") for line in lines[:row])
+    return fences % 2 == 0 and re.match(r"#+ ", lines[row]) is not None
+
+
+def _require_complete_api(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    missing = [name for name in gridfold.__all__ if not re.search(rf"gridfold\.{name}\b", text)]
+    if missing:
+        raise LookupError(f"{page.name} does not mention: {', '.join(missing)}")
+
+
+def _write(path: Path, text: str) -> None:
+    """Write only what has changed, so that no page is built in vain."""
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
