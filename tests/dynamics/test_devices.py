@@ -80,9 +80,9 @@ def test_only_machines_have_a_source_and_an_admittance(device):
     assert (device.admittance is not None) == is_machine
 
 
-def test_admittance_is_the_slope_of_the_stator_current(device):
-    if device.admittance is None:
-        pytest.skip("no stator")
+@pytest.mark.parametrize("model", [m for m, d in DEVICES.items() if d.role is Role.MACHINE])
+def test_admittance_is_the_slope_of_the_stator_current(model):
+    device = DEVICES[model]
     x, p = some_rows(len(device.states), 1), some_rows(len(device.parameter_rows), 2)
     names = list(device.inputs)
     admittance = device.admittance(dict(zip(device.parameter_rows, p.real, strict=True)))

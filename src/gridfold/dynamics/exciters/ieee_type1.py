@@ -1,6 +1,7 @@
 """IEEE type-1 exciter with exponential saturation and rate feedback, without limits.
 
-Equations (1) of Osipov & Sun; Sauer & Pai, Power System Dynamics and Stability, 1998, sections 4.3 and 4.4.
+Equations (1) of Osipov & Sun; Sauer & Pai, Power System Dynamics and Stability, 1998, sections
+4.3 and 4.4.
 """
 
 from __future__ import annotations

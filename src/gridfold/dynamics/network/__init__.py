@@ -6,7 +6,7 @@ from gridfold.dynamics.network.equations import Injections, NetworkEquations, bu
 from gridfold.dynamics.network.sparse import sparse_network
 
 #: Number of machine terminals from which the sparse backend is faster (see docs/benchmarks.md).
-SPARSE_FROM = 170
+SPARSE_FROM = 125
 
 
 def compile_network(equations: NetworkEquations, backend: NetworkBackend) -> CompiledNetwork:

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array, tril, triu
 
 from gridfold.dynamics.network.backend import NETWORK_SIGNATURE, CompiledNetwork
 from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.errors import NetworkError
 from gridfold.numerics.compiled import compile_callback
 
-_HEADER = 5
+_HEADER = 4
 
 
 def sparse_network(equations: NetworkEquations) -> CompiledNetwork:
@@ -39,14 +39,18 @@ def sparse_network(equations: NetworkEquations) -> CompiledNetwork:
         reached = _paths_to_root(lower, places)
         lower, upper = lower[reached][:, reached], upper[reached][:, reached]
         terminals[present] = np.searchsorted(reached, places)
-    low, low_values = _strict_columns(lower, below=True)
-    up, up_values = _strict_columns(upper, below=False)
+    low = csc_array(tril(lower, k=-1))
+    up = csr_array(triu(upper, k=1))
     inverse = 1 / upper.diagonal()
-    values = np.concatenate([low_values, up_values, inverse])
-    header = [len(terminals), lower.shape[0], len(low_values), len(up_values), len(low)]
-    integers = np.concatenate([header, terminals, low, up]).astype(np.int64)
-    reals = np.concatenate([values.real, values.imag])
-    return CompiledNetwork(_compiled().address, integers, reals, 2 * lower.shape[0])
+    parts = (terminals, low.indptr, low.indices, up.indptr, up.indices)
+    header = [len(terminals), lower.shape[0], low.nnz, up.nnz]
+    values = np.concatenate([low.data, up.data, inverse])
+    return CompiledNetwork(
+        address=_compiled().address,
+        integers=np.concatenate([header, *parts]).astype(np.int64),
+        reals=values.view(np.float64),
+        scratch_size=2 * lower.shape[0],
+    )
 
 
 def _paths_to_root(lower: csc_array, starts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -65,60 +69,43 @@ def _paths_to_root(lower: csc_array, starts: NDArray[np.int64]) -> NDArray[np.in
     return np.array(sorted(reached), dtype=np.int64)
 
 
-def _strict_columns(
-    triangle: csc_array, below: bool
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
-    """Columns without the diagonal, as (pointers then row numbers, values)."""
-    entries = triangle.tocoo()
-    rows, columns = entries.row, entries.col
-    keep = rows > columns if below else rows < columns
-    n = triangle.shape[0]
-    strict = csc_array((entries.data[keep], (rows[keep], columns[keep])), shape=(n, n))
-    return np.concatenate([strict.indptr, strict.indices]).astype(np.int64), strict.data
-
-
 def _solve(integers, reals, currents, voltages, scratch):
-    n, m, n_low, n_up, low_size = (
-        integers[0], integers[1], integers[2], integers[3], integers[4],
-    )  # fmt: skip
-    at = _HEADER
-    low = at + n
-    up = low + low_size
-    imag = n_low + n_up + m
-    inverse = n_low + n_up
+    """Forward by columns of L, backward by rows of U; complex numbers lie as pairs of reals."""
+    n, m, n_low, n_up = integers[0], integers[1], integers[2], integers[3]
+    low = _HEADER + n
+    low_rows = low + m + 1
+    up = low_rows + n_low
+    up_columns = up + m + 1
+    up_values = 2 * n_low
+    inverse = up_values + 2 * n_up
     for k in range(2 * m):
         scratch[k] = 0.0
     for t in range(n):
-        k = integers[at + t]
+        k = 2 * integers[_HEADER + t]
         if k >= 0:
             scratch[k] += currents[t]
-            scratch[m + k] += currents[n + t]
+            scratch[k + 1] += currents[n + t]
     for j in range(m):
-        b_r, b_i = scratch[j], scratch[m + j]
+        b_r, b_i = scratch[2 * j], scratch[2 * j + 1]
         for e in range(integers[low + j], integers[low + j + 1]):
-            i = integers[low + m + 1 + e]
-            a_r, a_i = reals[e], reals[imag + e]
+            i = 2 * integers[low_rows + e]
+            a_r, a_i = reals[2 * e], reals[2 * e + 1]
             scratch[i] -= a_r * b_r - a_i * b_i
-            scratch[m + i] -= a_r * b_i + a_i * b_r
+            scratch[i + 1] -= a_r * b_i + a_i * b_r
     for j in range(m - 1, -1, -1):
-        d_r, d_i = reals[inverse + j], reals[imag + inverse + j]
-        b_r = d_r * scratch[j] - d_i * scratch[m + j]
-        b_i = d_r * scratch[m + j] + d_i * scratch[j]
-        scratch[j] = b_r
-        scratch[m + j] = b_i
+        b_r, b_i = scratch[2 * j], scratch[2 * j + 1]
         for e in range(integers[up + j], integers[up + j + 1]):
-            i = integers[up + m + 1 + e]
-            a_r, a_i = reals[n_low + e], reals[imag + n_low + e]
-            scratch[i] -= a_r * b_r - a_i * b_i
-            scratch[m + i] -= a_r * b_i + a_i * b_r
+            i = 2 * integers[up_columns + e]
+            a_r, a_i = reals[up_values + 2 * e], reals[up_values + 2 * e + 1]
+            b_r -= a_r * scratch[i] - a_i * scratch[i + 1]
+            b_i -= a_r * scratch[i + 1] + a_i * scratch[i]
+        d_r, d_i = reals[inverse + 2 * j], reals[inverse + 2 * j + 1]
+        scratch[2 * j] = d_r * b_r - d_i * b_i
+        scratch[2 * j + 1] = d_r * b_i + d_i * b_r
     for t in range(n):
-        k = integers[at + t]
-        if k >= 0:
-            voltages[t] = scratch[k]
-            voltages[n + t] = scratch[m + k]
-        else:
-            voltages[t] = 0.0
-            voltages[n + t] = 0.0
+        k = 2 * integers[_HEADER + t]
+        voltages[t] = scratch[k] if k >= 0 else 0.0
+        voltages[n + t] = scratch[k + 1] if k >= 0 else 0.0
 
 
 @cache

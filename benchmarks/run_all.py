@@ -1,0 +1,33 @@
+"""Run all benchmarks, print them and write the pages of the documentation that show them."""
+
+from __future__ import annotations
+
+import time
+
+import clearing_times
+import first_run
+import network_backends
+import speed
+from report import Section, machine, one_thread, write
+
+COMMAND = "python benchmarks/run_all.py"
+
+
+def main() -> None:
+    """Run everything; the clearing times get a page of their own."""
+    began = time.perf_counter()
+    sections: list[Section] = []
+    for measure in (speed.measure, network_backends.measure, first_run.measure):
+        sections.append(measure())
+        print(sections[-1], end="\n\n", flush=True)
+    print(clearing_times.main(), end="\n\n", flush=True)
+    write("benchmarks.md", "# Benchmarks", f"{machine()} All of it: `{COMMAND}`.", *sections)
+    goals = [goal for section in sections for goal in section.goals]
+    missed = [goal.figure for goal in goals if not goal.met]
+    print(machine(), f"Goals not met: {', '.join(missed) or 'none'}.", sep="\n\n")
+    print(f"Took {time.perf_counter() - began:.0f} s.")
+
+
+if __name__ == "__main__":
+    one_thread()
+    main()
