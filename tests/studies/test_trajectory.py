@@ -70,7 +70,7 @@ def test_csv_parquet_and_npz_hold_the_same_run_and_its_metadata(run, tmp_path):
     csv = pd.read_csv(tmp_path / "a.csv")
     parquet = pd.read_parquet(tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(parquet, run.to_pandas())
-    pd.testing.assert_frame_equal(csv, parquet, rtol=1e-9)
+    pd.testing.assert_frame_equal(csv, parquet, rtol=1e-14)
     metadata = json.loads((tmp_path / "a.csv.meta.json").read_text())
     schema = pq.read_schema(tmp_path / "a.parquet").metadata
     with np.load(tmp_path / "a.npz") as archive:

@@ -50,11 +50,17 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> None:
-    """Write a table as CSV and its metadata as ``NAME.meta.json`` beside it."""
+    """Write a table as CSV, every digit kept, and its metadata as ``NAME.meta.json`` beside it."""
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
     text = _json(metadata)
+    rows = pa.Table.from_pandas(frame, preserve_index=False)
     beside = path.with_name(path.name + ".meta.json")
     with replacing(beside) as notes, replacing(path) as table:
-        frame.to_csv(table, index=False, float_format="%.10g")
+        with table.open("wb") as stream:
+            stream.write((",".join(frame.columns) + "\n").encode())
+            pc.write_csv(rows, stream, pc.WriteOptions(include_header=False))
         notes.write_text(text, encoding="utf-8")
 
 

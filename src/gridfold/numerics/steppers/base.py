@@ -76,5 +76,5 @@ def time_grid(start: float, end: float, step: float) -> NDArray[np.float64]:
     """
     first = int(np.floor(start / step + 1e-6)) + 1
     last = int(np.ceil(end / step - 1e-6)) - 1
-    inner = np.arange(first, last + 1) * step
+    inner = np.round(np.arange(first, last + 1) * step, 12)
     return np.concatenate(([start], inner, [end]))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from gridfold.errors import OptionError
 from gridfold.numerics.rhs import CompiledRhs
@@ -39,6 +38,8 @@ class ScipyReference:
         watch: SpreadWatch,
     ) -> Integration:
         """Integrate from `x0` along `times`."""
+        from scipy.integrate import solve_ivp  # slow to import, seldom needed
+
         solution = solve_ivp(
             lambda _, x: rhs(x),
             (times[0], times[-1]),
