@@ -70,6 +70,9 @@ def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
         if record.model in devices:
             for fault in _record_faults(devices[record.model], record):
                 yield f"{case.locate(record)}: {fault}"
+        elif record.model == NEGATIVE_LOAD and record.parameters:
+            names = ", ".join(record.parameters)
+            yield f"{case.locate(record)}: it has no parameters, but {names} is given"
     yield from _role_faults(case, devices)
 
 

@@ -9,13 +9,22 @@ Branches are named ``FROM-TO`` or ``FROM-TO:CIRCUIT``, from either end.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from gridfold.errors import EventError
 from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.event_checks import (
+    branches_at,
+    check_bus,
+    check_impedance,
+    check_time,
+    check_window,
+    find_branch,
+    open_branches,
+    require_closed,
+)
 from gridfold.grid.network_state import BranchFaultPoint, NetworkState
 
 
@@ -60,11 +69,11 @@ class BusFault:
     def changes(self, case: Case) -> list[Change]:
         """Fault on; fault off, with all branches at the bus if `trip_bus`."""
         where = f"fault at bus {self.bus}"
-        _check_window(where, self.start, self.duration)
-        _check_impedance(where, self.resistance, self.reactance)
-        _check_bus(where, case, self.bus)
+        check_window(where, self.start, self.duration)
+        check_impedance(where, self.resistance, self.reactance)
+        check_bus(where, case, self.bus)
         fault = (self.bus, complex(self.resistance, self.reactance))
-        opened = _branches_at(case, self.bus) if self.trip_bus else frozenset()
+        opened = branches_at(case, self.bus) if self.trip_bus else frozenset()
 
         def put_on(state: NetworkState) -> NetworkState:
             if any(bus == self.bus for bus, _ in state.bus_faults):
@@ -72,7 +81,7 @@ class BusFault:
             return replace(state, bus_faults=state.bus_faults | {fault})
 
         def clear(state: NetworkState) -> NetworkState:
-            return _open(replace(state, bus_faults=state.bus_faults - {fault}), opened)
+            return open_branches(replace(state, bus_faults=state.bus_faults - {fault}), opened)
 
         cleared = f"bus {self.bus} tripped" if self.trip_bus else f"{where} cleared"
         return [
@@ -110,8 +119,8 @@ class BranchFault:
     def changes(self, case: Case) -> list[Change]:
         """Fault on; fault off and branch out."""
         where = f"fault on branch {self.branch}"
-        _check_window(where, self.start, self.duration)
-        _check_impedance(where, self.resistance, self.reactance)
+        check_window(where, self.start, self.duration)
+        check_impedance(where, self.resistance, self.reactance)
         if not 0 <= self.fraction <= 1:
             raise EventError(f"{where}: fraction must lie between 0 and 1, not {self.fraction!r}")
         position, turned = find_branch(case, self.branch, where)
@@ -123,7 +132,7 @@ class BranchFault:
         fault = None if end is None else (end, impedance)
 
         def put_on(state: NetworkState) -> NetworkState:
-            _require_closed(state, position, where, self.start)
+            require_closed(state, position, where, self.start)
             if any(other.branch == position for other in state.branch_faults):
                 raise EventError(f"{where}: the branch is faulted already at {self.start:g} s")
             if fault is None:
@@ -138,7 +147,7 @@ class BranchFault:
                 bus_faults=state.bus_faults - {fault},
                 branch_faults=state.branch_faults - {point},
             )
-            return _open(cleared, frozenset({position})) if self.trip else cleared
+            return open_branches(cleared, frozenset({position})) if self.trip else cleared
 
         cleared = f"branch {self.branch} tripped" if self.trip else f"{where} cleared"
         return [
@@ -157,12 +166,12 @@ class BranchTrip:
     def changes(self, case: Case) -> list[Change]:
         """The branch goes out of service."""
         where = f"trip of branch {self.branch}"
-        _check_time(where, "time", self.time)
+        check_time(where, "time", self.time)
         position, _ = find_branch(case, self.branch, where)
 
         def apply(state: NetworkState) -> NetworkState:
-            _require_closed(state, position, where, self.time)
-            return _open(state, frozenset({position}))
+            require_closed(state, position, where, self.time)
+            return open_branches(state, frozenset({position}))
 
         return [Change(self.time, f"branch {self.branch} tripped", apply)]
 
@@ -177,7 +186,7 @@ class BranchReclose:
     def changes(self, case: Case) -> list[Change]:
         """The branch comes back into service."""
         where = f"reclosing of branch {self.branch}"
-        _check_time(where, "time", self.time)
+        check_time(where, "time", self.time)
         position, _ = find_branch(case, self.branch, where)
 
         def apply(state: NetworkState) -> NetworkState:
@@ -200,8 +209,8 @@ class MachineTrip:
         """The unit is disconnected."""
         key = UnitKey(self.bus, str(self.id))
         where = f"trip of machine {key}"
-        _check_time(where, "time", self.time)
-        _check_bus(where, case, self.bus)
+        check_time(where, "time", self.time)
+        check_bus(where, case, self.bus)
         if not any(g.key == key and g.in_service for g in case.generators):
             known = ", ".join(str(g.key) for g in case.generators if g.bus == self.bus) or "none"
             raise EventError(f"{where}: no such machine in service (at bus {self.bus}: {known})")
@@ -230,8 +239,8 @@ class LoadStep:
     def changes(self, case: Case) -> list[Change]:
         """The load is added."""
         where = f"load step at bus {self.bus}"
-        _check_time(where, "time", self.time)
-        _check_bus(where, case, self.bus)
+        check_time(where, "time", self.time)
+        check_bus(where, case, self.bus)
         for name in ("active_mw", "reactive_mvar"):
             if not math.isfinite(getattr(self, name)):
                 raise EventError(f"{where}: {name} must be finite, not {getattr(self, name)!r}")
@@ -253,72 +262,3 @@ EVENTS: Mapping[str, type] = {
     "machine-trip": MachineTrip,
     "load-step": LoadStep,
 }
-
-
-def find_branch(case: Case, name: str, where: str) -> tuple[int, bool]:
-    """Position of the branch called `name`, and whether it is named from its second bus."""
-    match = re.fullmatch(r"\s*(\d{1,18})\s*-\s*(\d{1,18})\s*(?::\s*(\S+?)\s*)?", str(name))
-    if match is None:
-        raise EventError(f"{where}: a branch is named FROM-TO or FROM-TO:CIRCUIT, not {name!r}")
-    first, second, circuit = int(match[1]), int(match[2]), match[3]
-    parallel = [
-        position
-        for position, branch in enumerate(case.branches)
-        if {branch.from_bus, branch.to_bus} == {first, second}
-    ]
-    found = [k for k in parallel if circuit in (None, case.branches[k].circuit)]
-    if len(found) == 1:
-        return found[0], case.branches[found[0]].from_bus != first
-    circuits = ", ".join(case.branches[k].circuit for k in parallel)
-    if not parallel:
-        raise EventError(f"{where}: there is no branch between buses {first} and {second}")
-    if not found:
-        raise EventError(f"{where}: there is no circuit {circuit}, only {circuits}")
-    raise EventError(f"{where}: say which circuit ({first}-{second}:CIRCUIT), one of {circuits}")
-
-
-def _branches_at(case: Case, bus: int) -> frozenset[int]:
-    return frozenset(
-        position
-        for position, branch in enumerate(case.branches)
-        if bus in (branch.from_bus, branch.to_bus)
-    )
-
-
-def _open(state: NetworkState, branches: frozenset[int]) -> NetworkState:
-    """The state with `branches` open; a fault inside a branch goes with it."""
-    return replace(
-        state,
-        branches_out=state.branches_out | branches,
-        branch_faults=frozenset(p for p in state.branch_faults if p.branch not in branches),
-    )
-
-
-def _check_time(where: str, name: str, value: float) -> None:
-    if not (math.isfinite(value) and value >= 0):
-        raise EventError(f"{where}: {name} must be 0 s or later, not {value!r}")
-
-
-def _check_window(where: str, start: float, duration: float) -> None:
-    _check_time(where, "start", start)
-    if not (math.isfinite(duration) and duration > 0):
-        raise EventError(
-            f"{where}: duration must be a positive number of seconds, not {duration!r}"
-        )
-
-
-def _check_impedance(where: str, resistance: float, reactance: float) -> None:
-    if not (math.isfinite(resistance) and resistance >= 0):
-        raise EventError(f"{where}: resistance must be 0 or more, not {resistance!r}")
-    if not math.isfinite(reactance):
-        raise EventError(f"{where}: reactance must be finite, not {reactance!r}")
-
-
-def _check_bus(where: str, case: Case, bus: int) -> None:
-    if bus not in case.bus_index:
-        raise EventError(f"{where}: there is no bus {bus} in case {case.name}")
-
-
-def _require_closed(state: NetworkState, position: int, where: str, time: float) -> None:
-    if position in state.branches_out:
-        raise EventError(f"{where}: it is open at {time:g} s")

@@ -91,7 +91,11 @@ def _read_case(folder: Path, depth: int) -> Case:
     if "extends" in settings:
         parent = _resolve(settings.pop("extends"), folder, str(folder / "case.toml"))
         base = replace(_read_case(parent, depth + 1), name=folder.name)
-    faults: list[str] = []
+    faults = [
+        f"{path}: unknown table; {suggest(path.stem, list(_TABLES))}"
+        for path in sorted(folder.glob("*.csv"))
+        if path.stem not in _TABLES
+    ]
     origins = dict(base.origins)
     for name, record_type in _TABLES.items():
         path = folder / f"{name}.csv"

@@ -103,6 +103,8 @@ def parse_cell(text: str, kind: Any) -> Any:
         return kind(text)
     names: dict[Any, str] = {int: "a whole number", float: "a number"}
     try:
+        if "_" in text:  # Python would read 1_0 as 10
+            raise ValueError
         return kind(text)
     except ValueError:
         raise ValueError(f"{text!r} is not {names[kind]}") from None
