@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridfold.grid.case import UnitKey
 from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
@@ -33,7 +34,7 @@ def plot_trajectory(run: Trajectory, path: Path, named: Sequence[UnitKey] = ()) 
     _draw_machines(angle, run, coi, units)
     _draw_machines(speed, run, run.signal("speed"), units)
     magnitude = np.abs(run.bus_voltage())
-    voltage.plot(run.times, magnitude, color=BACKGROUND_LINE, linewidth=0.6)
+    _draw_background(voltage, run.times, magnitude)
     buses = list(dict.fromkeys(unit.bus for unit in units))
     for color, bus in zip(PALETTE, buses, strict=False):
         column = run.model.case.bus_index[bus]
@@ -76,13 +77,22 @@ def plot_eigenvalues(modes: SmallSignal, title: str, path: Path) -> None:
 
 
 def _draw_machines(
-    axes: Axes, run: Trajectory, values: np.typing.NDArray[np.float64], units: Sequence[UnitKey]
+    axes: Axes, run: Trajectory, values: NDArray[np.float64], units: Sequence[UnitKey]
 ) -> None:
     """All machines in grey, the named ones in colour on top."""
-    axes.plot(run.times, values, color=BACKGROUND_LINE, linewidth=0.6)
+    _draw_background(axes, run.times, values)
     for color, unit in zip(PALETTE, units, strict=False):
         column = run.model.machines.index(unit)
         axes.plot(run.times, values[:, column], color=color, linewidth=1.3, label=str(unit))
+
+
+def _draw_background(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """All columns of `values` in grey, as one artist."""
+    from matplotlib.collections import LineCollection
+
+    lines = [np.column_stack([times, column]) for column in values.T]
+    axes.add_collection(LineCollection(lines, colors=BACKGROUND_LINE, linewidths=0.6))
+    axes.autoscale_view()
 
 
 def _mark_events(axes: Axes, run: Trajectory) -> None:
