@@ -8,10 +8,11 @@ rows the network gives dv = Z di, and the chain closes.
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags_array
 
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
 from gridfold.dynamics.layout import Block, Layout
@@ -19,32 +20,61 @@ from gridfold.grid.case import UnitKey
 from gridfold.numerics.newton import complex_step_jacobian
 
 
-def model_jacobian(
+@dataclass(frozen=True)
+class Partials:
+    """Partial derivatives of the devices at one state; the network is left open.
+
+    Parameters
+    ----------
+    states : sparse array, shape (n_states, n_states)
+        d(derivatives)/d(states) at constant terminal voltages.
+    voltages : sparse array, shape (n_states, 2 n_terminals)
+        d(derivatives)/d(terminal voltages), real parts before imaginary parts.
+    currents : sparse array, shape (2 n_terminals, n_states)
+        d(Norton currents into the terminals)/d(states).
+    """
+
+    states: csr_array
+    voltages: csr_array
+    currents: csr_array
+
+    def close(self, impedance: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Jacobian with the voltages that `impedance`, (n_terminals, n_terminals), gives."""
+        network = real_form(impedance)
+        coupling = self.voltages @ (network @ self.currents.toarray())
+        return np.asarray(self.states.toarray() + coupling)
+
+
+def real_form(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The real matrix that acts on (real parts, imaginary parts) as `matrix` does."""
+    return np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
+
+
+def model_partials(
     layout: Layout,
-    impedance: NDArray[np.complex128],
     units_out: Collection[UnitKey],
     x: NDArray[np.float64],
     signals: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """df/dx at the state `x` with its signal vector `signals`, shape (n_states, n_states)."""
+) -> Partials:
+    """Partial derivatives at the state `x` with its signal vector `signals`."""
     n, n_w, n_v = layout.n_states, layout.n_signals, 2 * len(layout.terminals)
     chain = _seed(n, n_w, n_v)
     for block in layout.blocks:
         chain = chain + _stage_rows(block, "source", n_w, x, signals) @ chain
-    sources = _source_currents(layout, units_out) @ chain[:, :n]
+    currents = csr_array(_source_currents(layout, units_out) @ chain[:, :n])
     for block in layout.blocks:
         chain = chain + _stage_rows(block, "output", n_w, x, signals) @ chain
     derivative = csr_array((n, n_w))
     for block in layout.blocks:
         derivative = derivative + _stage_rows(block, "derivative", n_w, x, signals)[:n]
     total = csr_array(derivative @ chain)
-    network = np.block([[impedance.real, -impedance.imag], [impedance.imag, impedance.real]])
-    jacobian = total[:, :n].toarray() + total[:, n:] @ (network @ sources.toarray())
+    moving = np.ones(n)
     for block in layout.blocks:
         for unit, column in zip(block.units, block.state_index.T, strict=True):
             if unit in units_out:
-                jacobian[column] = 0.0
-    return np.asarray(jacobian)
+                moving[column] = 0.0
+    total = csr_array(diags_array(moving) @ total)
+    return Partials(csr_array(total[:, :n]), csr_array(total[:, n:]), currents)
 
 
 def _seed(n: int, n_w: int, n_v: int) -> csr_array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import Start, initialize
-from gridfold.dynamics.jacobian import model_jacobian
+from gridfold.dynamics.jacobian import Partials, model_partials
 from gridfold.dynamics.layout import Layout, build_layout
 from gridfold.dynamics.network import (
     Injections,
@@ -141,9 +141,12 @@ class DetailedModel:
 
     def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """df/dx at the state `x`, shape (n_states, n_states); exact to rounding."""
+        return self.partials(x).close(self.equations.terminal_impedance())
+
+    def partials(self, x: NDArray[np.float64]) -> Partials:
+        """Partial derivatives of the devices at the state `x`, with the network left open."""
         signals = self.signals(np.asarray(x, dtype=float)[None, :])[0]
-        impedance = self.equations.terminal_impedance()
-        return model_jacobian(self.layout, impedance, self.state.units_out, x, signals)
+        return model_partials(self.layout, self.state.units_out, x, signals)
 
 
 def build_model(

@@ -6,19 +6,19 @@ by :func:`pack_rhs` and read by :func:`_detailed_rhs`, both here, and nowhere el
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import Kernel, compiled_kernel
 from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.network.backend import CompiledNetwork
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.compiled import FAST, compile_callback, invoke, matrix_view
+from gridfold.numerics.compiled import compile_callback, compiled_part, invoke, matrix_view
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 # Header of the integers.
@@ -41,10 +41,10 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     NETWORK_REALS,
     CONSTANTS_AT,
     INPUTS_AT,
-    N_INPUTS,
+    SCRATCH_AT,
     CALLS_AT,
 ) = range(20)
-_HEADER = 20
+HEADER_SIZE = 20
 
 # Columns of the table of kernel calls, which follows the header.
 (
@@ -63,7 +63,7 @@ _HEADER = 20
 _COLUMNS = 11
 
 
-class _Store:
+class Store:
     """A growing data block that tells where each part was put."""
 
     def __init__(self, dtype: type, start: int = 0):
@@ -93,31 +93,63 @@ def pack_rhs(
 
     Units that are out inject no current and keep their states.
     """
+    data = pack_model(layout, constants, network, layout.blocks, units_out)
+    return CompiledRhs(
+        address=_compiled().address,
+        integers=np.concatenate([data.header, data.integers.join()]),
+        reals=data.reals.join(),
+        work_size=data.work_size,
+        n_states=layout.n_states,
+    )
+
+
+@dataclass(frozen=True)
+class PackedModel:
+    """The data that :func:`run_calls` and :func:`solve_voltages` read; more may be added behind.
+
+    `header` holds the numbers named above and then the table of calls; it comes first.
+    """
+
+    header: NDArray[np.int64]
+    integers: Store
+    reals: Store
+    work_size: int
+
+
+def pack_model(
+    layout: Layout,
+    constants: NDArray[np.float64],
+    network: CompiledNetwork,
+    active: Sequence[Block],
+    units_out: Collection[UnitKey] = (),
+    header_size: int = HEADER_SIZE,
+) -> PackedModel:
+    """Pack a model of which only the `active` blocks have outputs and derivatives."""
+    live_blocks = set(map(id, active))
     stages = [
-        [(block, kernel) for block in layout.blocks if (kernel := pick(block)) is not None]
+        [
+            (block, kernel)
+            for block in layout.blocks
+            if (kernel := pick(block)) is not None and (pick is _source or id(block) in live_blocks)
+        ]
         for pick in (_source, _output, _derivative)
     ]
     n_calls = sum(len(stage) for stage in stages)
-    integers = _Store(np.int64, start=_HEADER + n_calls * _COLUMNS)
-    reals = _Store(np.float64)
+    integers = Store(np.int64, start=header_size + n_calls * _COLUMNS)
+    reals = Store(np.float64)
     data_at = {
-        block.device.model: (
+        id(block): (
             integers.add(block.inputs),
             integers.add(_is_run(block.inputs)),
             reals.add(block.parameters),
         )
         for block in layout.blocks
     }
-    calls = [
-        _call_row(block, kernel, *data_at[block.device.model])
-        for stage in stages
-        for block, kernel in stage
-    ]
+    calls = [_call_row(b, kernel, *data_at[id(b)]) for stage in stages for b, kernel in stage]
     live = [unit not in units_out for unit in layout.source_units]
     sources = layout.sources[live]
     frozen = _frozen_states(layout, units_out)
-    n_inputs = max((block.inputs.size for block in layout.blocks), default=0)
-    header = np.zeros(_HEADER, dtype=np.int64)
+    header = np.zeros(header_size, dtype=np.int64)
     header[N_STATES] = layout.n_states
     header[N_CONSTANTS] = len(constants)
     header[N_SIGNALS] = layout.n_signals
@@ -132,16 +164,13 @@ def pack_rhs(
     header[[NETWORK_REALS_AT, NETWORK_REALS]] = reals.add(network.reals), network.reals.size
     header[CONSTANTS_AT] = reals.add(constants)
     header[INPUTS_AT] = layout.n_signals + 2 * len(layout.terminals)
-    header[N_INPUTS] = n_inputs
-    header[CALLS_AT] = _HEADER
-    table = np.array(calls, dtype=np.int64).ravel()
-    return CompiledRhs(
-        address=_compiled().address,
-        integers=np.concatenate([header, table, integers.join()]),
-        reals=reals.join(),
-        work_size=int(header[INPUTS_AT]) + n_inputs + network.scratch_size,
-        n_states=layout.n_states,
+    header[SCRATCH_AT] = header[INPUTS_AT] + max(
+        (block.inputs.size for block in layout.blocks), default=0
     )
+    header[CALLS_AT] = header_size
+    table = np.array(calls, dtype=np.int64).ravel()
+    work_size = int(header[SCRATCH_AT]) + network.scratch_size
+    return PackedModel(np.concatenate([header, table]), integers, reals, work_size)
 
 
 def _source(block: Block) -> Kernel | None:
@@ -189,8 +218,8 @@ def _frozen_states(layout: Layout, units_out: Collection[UnitKey]) -> list[int]:
     ]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def _run_calls(first, count, integers, reals, work, x, dx):
+@compiled_part
+def run_calls(first, count, integers, reals, work, x, dx):
     """Gather the inputs of each call and make it."""
     inputs_at = integers[INPUTS_AT]
     for c in range(first, first + count):
@@ -220,15 +249,10 @@ def _run_calls(first, count, integers, reals, work, x, dx):
         )
 
 
-def _detailed_rhs(integers, reals, work, x, dx):
-    n, n_constants = integers[N_STATES], integers[N_CONSTANTS]
+@compiled_part
+def solve_voltages(integers, reals, work):
+    """Add up the Norton currents at the terminals and solve the network for their voltages."""
     n_terminals, n_signals = integers[N_TERMINALS], integers[N_SIGNALS]
-    for i in range(n):
-        work[i] = x[i]
-    for i in range(n_constants):
-        work[n + i] = reals[integers[CONSTANTS_AT] + i]
-    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
-    _run_calls(0, n_source, integers, reals, work, x, dx)
     currents = work[n_signals : n_signals + 2 * n_terminals]
     voltages = work[n_signals - 2 * n_terminals : n_signals]
     for t in range(2 * n_terminals):
@@ -246,11 +270,28 @@ def _detailed_rhs(integers, reals, work, x, dx):
             reals[r_at : r_at + integers[NETWORK_REALS]],
             currents,
             voltages,
-            work[integers[INPUTS_AT] + integers[N_INPUTS] :],
+            work[integers[SCRATCH_AT] :],
         ),
     )
-    _run_calls(n_source, n_output, integers, reals, work, x, dx)
-    _run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
+
+
+@compiled_part
+def load_constants(integers, reals, work):
+    """Put the constants behind the states in the signal vector."""
+    n = integers[N_STATES]
+    for i in range(integers[N_CONSTANTS]):
+        work[n + i] = reals[integers[CONSTANTS_AT] + i]
+
+
+def _detailed_rhs(integers, reals, work, x, dx):
+    for i in range(integers[N_STATES]):
+        work[i] = x[i]
+    load_constants(integers, reals, work)
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
+    run_calls(0, n_source, integers, reals, work, x, dx)
+    solve_voltages(integers, reals, work)
+    run_calls(n_source, n_output, integers, reals, work, x, dx)
+    run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
     for k in range(integers[N_FROZEN]):
         dx[integers[integers[FROZEN_AT] + k]] = 0.0
 

@@ -11,18 +11,30 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import cfunc, types
+from numba import cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 #: Relaxed floating-point rules that still honour infinities and NaN.
 FAST = {"contract", "reassoc", "nsz"}
 
+# Without reference counting, views of arrays cost nothing.
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": FAST,
+    "_nrt": False,
+}
+
 
 def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
     """Compile `function` for `signature` into a C callback with an ``address``, cached on disk."""
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": FAST, "_nrt": False}
-    return cfunc(signature, cache=True, **options)(function)
+    return cfunc(signature, **_OPTIONS)(function)
+
+
+def compiled_part(function: Callable[..., Any]) -> Any:
+    """Compile a function that callbacks call; like them it may view arrays but not create any."""
+    return njit(**_OPTIONS)(function)
 
 
 def _invoke(typing_context, address, arguments):
