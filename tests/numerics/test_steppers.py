@@ -14,7 +14,7 @@ from gridfold.numerics.steppers import (
     ScipyReference,
     time_grid,
 )
-from gridfold.numerics.watch import SpreadWatch
+from gridfold.numerics.watch import BandWatch, SpreadWatch
 
 
 def _pendulum(integers, reals, work, x, dx):
@@ -34,7 +34,7 @@ STEPPERS = (RungeKutta4, AdamsBashforthMoulton4)
 
 def _end(stepper, rhs: CompiledRhs, t_end: float) -> np.ndarray:
     times = time_grid(0.0, t_end, stepper.step)
-    return stepper.integrate(rhs, times, START, SpreadWatch.nothing()).states[-1]
+    return stepper.integrate(rhs, times, START).states[-1]
 
 
 @pytest.mark.parametrize(("kind", "order"), [(RungeKutta4, 4), (AdamsBashforthMoulton4, 4.5)])
@@ -70,12 +70,13 @@ def test_runge_kutta_step_is_the_textbook_one(pendulum):
 
 @pytest.mark.parametrize("kind", [*STEPPERS, ScipyReference])
 def test_watch_ends_the_run_at_the_first_sample_beyond_the_limit(kind, pendulum):
-    everything = kind(0.01).integrate(pendulum, time_grid(0, 2, 0.01), START, SpreadWatch.nothing())
+    everything = kind(0.01).integrate(pendulum, time_grid(0, 2, 0.01), START)
     watch = SpreadWatch(np.array([0]), np.array([0]), np.array([1.0]), np.array([0.0]), limit=1.01)
-    watched = kind(0.01).integrate(pendulum, time_grid(0, 2, 0.01), START, watch)
+    never = BandWatch(np.eye(2), np.zeros(2), limit=np.inf)
+    watched = kind(0.01).integrate(pendulum, time_grid(0, 2, 0.01), START, (never, watch))
     first = int(np.argmax(np.abs(everything.states[:, 0]) > 1.01))
     assert first > 1
-    assert watched.watch_fired
+    assert watched.fired == 2
     assert len(watched.states) == first + 1
 
 
@@ -119,3 +120,23 @@ def test_watch_measures_from_the_weighted_mean_of_each_group_or_from_its_fixed_r
     )
     distances = watch.distances(np.array([4.0, 8.0, 99.0, -1.0]))
     np.testing.assert_allclose(distances, [3.0, 1.0, 1.5])
+
+
+@pytest.mark.parametrize("kind", [*STEPPERS, ScipyReference])
+def test_band_watch_fires_when_all_quantities_have_come_inside(kind, pendulum):
+    times = time_grid(0, 2, 0.01)
+    states = kind(0.01).integrate(pendulum, times, START).states
+    watch = BandWatch(np.array([[1.0, 0.0], [2.0, 0.0]]), np.zeros(2), limit=0.4, inside=True)
+    result = kind(0.01).integrate(pendulum, times, START, (watch,))
+    first = int(np.argmax(np.abs(2 * states[:, 0]) <= 0.4))
+    assert first > 1
+    assert result.fired == 1
+    assert len(result.states) == first + 1
+
+
+def test_watches_hold_where_a_quantity_is_not_finite():
+    bad = np.array([np.nan, 0.0])
+    spread = SpreadWatch(np.array([0]), np.array([0]), np.ones(1), np.zeros(1), 1.0)
+    band = BandWatch(np.eye(2), np.zeros(2), 1.0)
+    assert spread.holds(bad)
+    assert band.holds(bad)

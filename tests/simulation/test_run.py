@@ -32,9 +32,6 @@ class PowerLaw:
         data = np.array([self.rate, self.power])
         return CompiledRhs(address, np.zeros(0, dtype=np.int64), data, 0, 1)
 
-    def jacobian(self, x: np.ndarray) -> np.ndarray:
-        return np.array([[self.rate * self.power * x[0] ** (self.power - 1)]])
-
 
 def test_each_segment_starts_where_the_last_one_ended():
     growth, decay = PowerLaw(1.0, 1.0), PowerLaw(-2.0, 1.0)

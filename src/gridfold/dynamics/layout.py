@@ -92,8 +92,11 @@ class Layout:
 Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]
 
 
-def build_layout(groups: Sequence[Group]) -> Layout:
-    """Lay out groups of (device, units, parameter rows); roles are put into order of evaluation."""
+def build_layout(groups: Sequence[Group], ports: Sequence[int] = ()) -> Layout:
+    """Lay out groups of (device, units, parameter rows); roles are put into order of evaluation.
+
+    `ports` are buses whose voltages are wanted beside those of the machines' terminals.
+    """
     ordered = sorted(groups, key=lambda group: group[0].role)
     slots: dict[tuple[UnitKey, str], int] = {}
     providers: dict[tuple[UnitKey, str], str] = {}
@@ -121,7 +124,7 @@ def build_layout(groups: Sequence[Group]) -> Layout:
     for device, units, _ in ordered:
         signal_starts.append(position)
         position = place(device, units, device.signal_rows, position)
-    terminals, terminal_of = _terminals(ordered)
+    terminals, terminal_of = _terminals(ordered, ports)
     for unit, terminal in terminal_of.items():
         slots[unit, "voltage_real"] = position + terminal
         slots[unit, "voltage_imag"] = position + len(terminals) + terminal
@@ -172,10 +175,12 @@ def _open_inputs(
     return list(open_inputs)
 
 
-def _terminals(groups: Sequence[Group]) -> tuple[tuple[int, ...], dict[UnitKey, int]]:
-    """Bus numbers with machines, and the position of each machine's bus among them."""
+def _terminals(
+    groups: Sequence[Group], ports: Sequence[int]
+) -> tuple[tuple[int, ...], dict[UnitKey, int]]:
+    """Bus numbers with machines, then ports, and the position of each machine's bus among them."""
     units = [u for device, us, _ in groups if device.role is Role.MACHINE for u in us]
-    terminals = tuple(dict.fromkeys(unit.bus for unit in units))
+    terminals = tuple(dict.fromkeys([*(unit.bus for unit in units), *ports]))
     place = {bus: position for position, bus in enumerate(terminals)}
     return terminals, {unit: place[unit.bus] for unit in units}
 

@@ -283,6 +283,13 @@ def load_constants(integers, reals, work):
         work[n + i] = reals[integers[CONSTANTS_AT] + i]
 
 
+@compiled_part
+def freeze(integers, dx):
+    """Stop the states of units that are out."""
+    for k in range(integers[N_FROZEN]):
+        dx[integers[integers[FROZEN_AT] + k]] = 0.0
+
+
 def _detailed_rhs(integers, reals, work, x, dx):
     for i in range(integers[N_STATES]):
         work[i] = x[i]
@@ -292,8 +299,7 @@ def _detailed_rhs(integers, reals, work, x, dx):
     solve_voltages(integers, reals, work)
     run_calls(n_source, n_output, integers, reals, work, x, dx)
     run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
-    for k in range(integers[N_FROZEN]):
-        dx[integers[integers[FROZEN_AT] + k]] = 0.0
+    freeze(integers, dx)
 
 
 @cache

@@ -1,19 +1,54 @@
-"""A watch on how far selected states move away from their group's mean."""
+"""Conditions that end an integration early, checked after every step in compiled code."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any, Protocol
 
 import numpy as np
-from numba import njit
+from numba import types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST
+from gridfold.numerics.compiled import (
+    compile_callback,
+    compiled_part,
+    invoke,
+    matrix_view,
+)
+
+#: ``watch(integers, reals, x, verdict)``: sets verdict[0] to 1 where the condition holds, else to 0.
+WATCH_SIGNATURE = types.void(
+    types.int64[::1], types.float64[::1], types.float64[::1], types.float64[::1]
+)
+
+
+@dataclass(frozen=True)
+class CompiledWatch:
+    """Address of a compiled condition and its data."""
+
+    address: int
+    integers: NDArray[np.int64]
+    reals: NDArray[np.float64]
+
+
+class Watch(Protocol):
+    """A condition on the state of a system."""
+
+    def compile(self) -> CompiledWatch:
+        """The condition for compiled loops."""
+
+    def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far each watched quantity is from its reference."""
+
+    def holds(self, x: NDArray[np.float64]) -> bool:
+        """Whether the condition holds at the state `x`; it does where something is not finite."""
 
 
 @dataclass(frozen=True)
 class SpreadWatch:
-    """Stop when a watched state is further than `limit` from its group's reference.
+    """Holds when a watched state is further than `limit` from its group's reference.
 
     Parameters
     ----------
@@ -35,36 +70,139 @@ class SpreadWatch:
     reference: NDArray[np.float64]
     limit: float
 
-    @classmethod
-    def nothing(cls) -> SpreadWatch:
-        """A watch that never fires."""
-        none = np.zeros(0, dtype=np.int64)
-        return cls(none, none, np.zeros(0), np.zeros(0), np.inf)
-
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distance of each watched entry from its group's reference, shape (n,)."""
-        result = np.empty(len(self.index))
-        spread(x, self.index, self.group, self.weight, self.reference, result)
-        return result
+        values = x[self.index]
+        size = len(self.reference)
+        total = np.bincount(self.group, self.weight, size)
+        mean = np.bincount(self.group, self.weight * values, size) / total
+        reference = np.where(np.isnan(self.reference), mean, self.reference)
+        return np.asarray(np.abs(values - reference[self.group]))
+
+    def holds(self, x: NDArray[np.float64]) -> bool:
+        """Whether an entry is beyond the limit."""
+        return not np.max(self.distances(x), initial=0.0) <= self.limit
+
+    def compile(self) -> CompiledWatch:
+        """The condition for compiled loops."""
+        sizes = [len(self.index), len(self.reference)]
+        return CompiledWatch(
+            _compiled_spread().address,
+            np.concatenate([sizes, self.index, self.group]).astype(np.int64),
+            np.concatenate([[self.limit], self.weight, self.reference]),
+        )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def spread(x, index, group, weight, reference, distances):
-    """Fill `distances` and return their largest; NaN where a watched state is not finite."""
-    n_groups = len(reference)
-    mean = np.zeros(n_groups)
-    total = np.zeros(n_groups)
-    for k in range(len(index)):
-        mean[group[k]] += weight[k] * x[index[k]]
-        total[group[k]] += weight[k]
+@dataclass(frozen=True)
+class BandWatch:
+    """Holds when one of the quantities C x + d leaves a band, or when all are inside it.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n_states)
+        C.
+    offset : ndarray, shape (n,)
+        d.
+    limit : float
+        Half the width of the band around 0.
+    inside : bool
+        False: the condition is that one is outside. True: that all are inside.
+    """
+
+    matrix: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    limit: float
+    inside: bool = False
+
+    def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Magnitudes of the quantities, shape (n,)."""
+        return np.asarray(np.abs(self.matrix @ x + self.offset))
+
+    def holds(self, x: NDArray[np.float64]) -> bool:
+        """Whether the condition holds."""
+        within = bool(np.max(self.distances(x), initial=0.0) <= self.limit)
+        return within == self.inside
+
+    def compile(self) -> CompiledWatch:
+        """The condition for compiled loops."""
+        n, n_states = self.matrix.shape
+        return CompiledWatch(
+            _compiled_band().address,
+            np.array([n, n_states, self.inside], dtype=np.int64),
+            np.concatenate([[self.limit], self.offset, self.matrix.ravel()]),
+        )
+
+
+def pack_watches(
+    watches: Sequence[Watch],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Watches as a table (address, integers from, to, reals from, to) and two data blocks."""
+    compiled = [watch.compile() for watch in watches]
+    table = np.zeros((len(compiled), 5), dtype=np.int64)
+    integers_at = reals_at = 0
+    for row, watch in zip(table, compiled, strict=True):
+        row[:] = (
+            watch.address,
+            integers_at,
+            integers_at + len(watch.integers),
+            reals_at,
+            reals_at + len(watch.reals),
+        )
+        integers_at, reals_at = row[2], row[4]
+    none = np.zeros(0)
+    return (
+        table,
+        np.concatenate([*(w.integers for w in compiled), none]).astype(np.int64),
+        np.concatenate([*(w.reals for w in compiled), none]),
+    )
+
+
+@compiled_part
+def first_watch(table, integers, reals, x, verdict):
+    """Number, counted from 1, of the first watch whose condition holds; 0 if there is none."""
+    for k in range(table.shape[0]):
+        row = table[k]
+        invoke(row[0], (integers[row[1] : row[2]], reals[row[3] : row[4]], x, verdict))
+        if verdict[0] != 0.0:
+            return k + 1
+    return 0
+
+
+def _spread(integers, reals, x, verdict):
+    n, n_groups = integers[0], integers[1]
+    verdict[0] = 0.0
     for g in range(n_groups):
-        if np.isnan(reference[g]):
-            mean[g] /= total[g]
-        else:
-            mean[g] = reference[g]
-    largest = 0.0
-    for k in range(len(index)):
-        distances[k] = abs(x[index[k]] - mean[group[k]])
-        if not distances[k] <= largest:
-            largest = distances[k]
-    return largest
+        reference = reals[1 + n + g]
+        if np.isnan(reference):
+            total = weights = 0.0
+            for k in range(n):
+                if integers[2 + n + k] == g:
+                    total += reals[1 + k] * x[integers[2 + k]]
+                    weights += reals[1 + k]
+            reference = total / weights
+        for k in range(n):
+            if integers[2 + n + k] == g and not abs(x[integers[2 + k]] - reference) <= reals[0]:
+                verdict[0] = 1.0
+
+
+def _band(integers, reals, x, verdict):
+    n, n_states, inside = integers[0], integers[1], integers[2]
+    matrix = matrix_view(reals, 1 + n, n, n_states)
+    within = 1
+    for i in range(n):
+        value = reals[1 + i]
+        for j in range(n_states):
+            value += matrix[i, j] * x[j]
+        if not abs(value) <= reals[0]:
+            within = 0
+    verdict[0] = 1.0 if within == inside else 0.0
+
+
+@cache
+def _compiled_spread() -> Any:
+    return compile_callback(_spread, WATCH_SIGNATURE)
+
+
+@cache
+def _compiled_band() -> Any:
+    return compile_callback(_band, WATCH_SIGNATURE)

@@ -1,9 +1,10 @@
-"""Integrate a list of segments one after the other."""
+"""Integrate segments one after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,19 @@ from gridfold.simulation.segment import Piece, Segment
 from gridfold.systems.status import Status
 
 
+class Plan(Protocol):
+    """Says what comes next; it may look at the state, and keep a memory of its own."""
+
+    def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
+        """The segment from `time` (s) and the whole system's state `x` on; None at the end."""
+
+
 @dataclass(frozen=True)
 class Run:
     """Pieces of a run in order of time, and how it ended.
 
-    `culprit` is the position in the state vector of the entry that ended the run early, else None.
+    `culprit` is the position, in the state vector of the last piece's system, of the entry that was
+    not finite, or among the watched quantities that of the one that ended the run; else None.
     """
 
     pieces: tuple[Piece, ...]
@@ -35,25 +44,41 @@ def run_segments(
     segments: Iterable[Segment], x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0
 ) -> Run:
     """Integrate `segments` from the state `x0` at time `start`; stop early when one says so."""
+    return run_plan(_Fixed(iter(segments)), x0, stepper, start)
+
+
+def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0) -> Run:
+    """Integrate what `plan` says, from the whole system's state `x0` at time `start`."""
     pieces: list[Piece] = []
     time, x = start, x0
-    for segment in segments:
+    while (segment := plan.next(time, x)) is not None:
         if not segment.until > time:
             raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
         times = time_grid(time, segment.until, stepper.step)
-        result = stepper.integrate(segment.system.compiled, times, x, segment.watch)
+        watches = (*segment.stops, *segment.switches)
+        result = stepper.integrate(segment.system.compiled, times, segment.restrict(x), watches)
         finite = _finite_rows(result.states)
         piece = Piece(segment, times[:finite], result.states[:finite])
         pieces.append(piece)
         if finite < len(result.states):
             culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])
             return Run(tuple(pieces), Status.NOT_FINITE, culprit)
-        if result.watch_fired:
-            watch = segment.watch
-            culprit = int(watch.index[np.argmax(watch.distances(piece.states[-1]))])
-            return Run(tuple(pieces), Status.LOST_SYNCHRONISM, culprit)
-        time, x = segment.until, piece.states[-1]
+        if 0 < result.fired <= len(segment.stops):
+            distances = segment.stops[result.fired - 1].distances(piece.states[-1])
+            return Run(tuple(pieces), Status.LOST_SYNCHRONISM, int(np.argmax(distances)))
+        time, x = float(piece.times[-1]), segment.lift(piece.states[-1])
     return Run(tuple(pieces), Status.COMPLETED)
+
+
+@dataclass
+class _Fixed:
+    """A plan that is a list."""
+
+    segments: Iterator[Segment]
+
+    def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
+        """The next segment of the list."""
+        return next(self.segments, None)
 
 
 def _finite_rows(states: NDArray[np.float64]) -> int:

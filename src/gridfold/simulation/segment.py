@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.numerics.watch import SpreadWatch
+from gridfold.numerics.watch import Watch
 from gridfold.systems.protocol import System
+
+
+class Coordinates(Protocol):
+    """The way between the states of the whole system and those of a segment's system."""
+
+    def lift(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States of the whole system, (..., n), from those of the segment, (..., r)."""
+
+    def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """State of the segment, (r,), from one of the whole system, (n,)."""
 
 
 @dataclass(frozen=True)
@@ -23,20 +34,39 @@ class Segment:
         Time at which the segment ends, in seconds.
     label : str
         What characterizes it, for reports ("fault at bus 3").
-    watch : SpreadWatch
-        Condition that ends the run early.
+    stops : tuple of Watch
+        Conditions on the segment's state that end the whole run.
+    switches : tuple of Watch
+        Conditions that end the segment; the plan then says what follows.
+    coordinates : Coordinates, optional
+        Where the system's states are not those of the whole system.
     """
 
     system: System
     until: float
     label: str = ""
-    watch: SpreadWatch = field(default_factory=SpreadWatch.nothing)
+    stops: tuple[Watch, ...] = ()
+    switches: tuple[Watch, ...] = ()
+    coordinates: Coordinates | None = None
+
+    def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """State of the segment's system at the state `x` of the whole."""
+        return x if self.coordinates is None else self.coordinates.restrict(x)
+
+    def lift(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States of the whole system from those of the segment's."""
+        return z if self.coordinates is None else self.coordinates.lift(z)
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A segment that has been integrated: times (n,) and states (n, n_states), both ends included."""
+    """A segment that has been integrated: times (n,) and states (n, r), both ends included."""
 
     segment: Segment
     times: NDArray[np.float64]
     states: NDArray[np.float64]
+
+    @property
+    def full_states(self) -> NDArray[np.float64]:
+        """States of the whole system, shape (n, n_states)."""
+        return self.segment.lift(self.states)

@@ -96,9 +96,7 @@ def simulate(
     began = time.perf_counter()
     plan = plan_simulation(model, events, t_end, store)
     segments = [
-        Segment(system, end, stage.label, criterion.watch(system))
-        if criterion is not None
-        else Segment(system, end, stage.label)
+        Segment(system, end, stage.label, () if criterion is None else (criterion.watch(system),))
         for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
     ]
     ready = time.perf_counter()

@@ -52,7 +52,7 @@ class Trajectory:
     run : Run
         The pieces that were integrated, and the status.
     models : tuple of DetailedModel
-        The model of each stage.
+        The detailed model of each piece's network state.
     events, notices, stepper, criterion, t_end
         What was asked for and what it led to.
     setup_seconds, simulation_seconds : float
@@ -78,7 +78,12 @@ class Trajectory:
     @property
     def culprit(self) -> str | None:
         """``state:BUS:ID`` of what ended the run early, None if it was completed."""
-        return None if self.run.culprit is None else self.model.state_names[self.run.culprit]
+        if self.run.culprit is None:
+            return None
+        if self.status is Status.LOST_SYNCHRONISM:
+            units = angle_frame(self.models[len(self.run.pieces) - 1]).units
+            return f"rotor_angle:{units[self.run.culprit]}"
+        return self.run.pieces[-1].segment.system.state_names[self.run.culprit]
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
@@ -225,7 +230,7 @@ class Trajectory:
         for position, piece in enumerate(self.run.pieces):
             last = position == len(self.run.pieces) - 1
             keep = slice(None) if last else slice(None, -1)
-            result.append((piece.times[keep], piece.states[keep], self.models[position]))
+            result.append((piece.times[keep], piece.full_states[keep], self.models[position]))
         return result
 
     @cached_property

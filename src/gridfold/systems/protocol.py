@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gridfold.numerics.rhs import CompiledRhs
 
 
@@ -21,6 +18,3 @@ class System(Protocol):
     @property
     def compiled(self) -> CompiledRhs:
         """The right-hand side f for compiled loops; also callable from Python."""
-
-    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """df/dx at the state `x`, shape (n_states, n_states)."""

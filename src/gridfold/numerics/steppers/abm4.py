@@ -9,6 +9,7 @@ Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., sec
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from gridfold.numerics.compiled import FAST, invoke
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.steppers.rk4 import rk4_step
-from gridfold.numerics.watch import SpreadWatch, spread
+from gridfold.numerics.watch import Watch, first_watch
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,10 @@ class AdamsBashforthMoulton4:
         rhs: CompiledRhs,
         times: NDArray[np.float64],
         x0: NDArray[np.float64],
-        watch: SpreadWatch,
+        watches: Sequence[Watch] = (),
     ) -> Integration:
         """Integrate from `x0` along `times`."""
-        return run_loop(_loop, self.step, rhs, times, x0, watch)
+        return run_loop(_loop, self.step, rhs, times, x0, watches)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -61,13 +62,11 @@ def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _loop(
-    address, integers, reals, work, times, full_step, states, index, group, weight, reference, limit
-):
+def _loop(address, integers, reals, work, times, full_step, states, table, w_integers, w_reals):
     n = states.shape[1]
     f = np.empty((4, n))
     stage, k = np.empty(n), np.empty(n)
-    distances = np.empty(len(index))
+    verdict = np.zeros(1)
     history = 0
     invoke(address, (integers, reals, work, states[0], f[0]))
     for step in range(len(times) - 1):
@@ -82,6 +81,7 @@ def _loop(
         for row in range(3, 0, -1):
             f[row] = f[row - 1]
         invoke(address, (integers, reals, work, x_new, f[0]))
-        if not spread(x_new, index, group, weight, reference, distances) <= limit:
-            return step + 1, True
-    return len(times) - 1, False
+        fired = first_watch(table, w_integers, w_reals, x_new, verdict)
+        if fired:
+            return step + 1, fired
+    return len(times) - 1, 0

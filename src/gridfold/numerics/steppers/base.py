@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
 from gridfold.numerics.rhs import CompiledRhs
-from gridfold.numerics.watch import SpreadWatch
+from gridfold.numerics.watch import Watch, pack_watches
 
 
 @dataclass(frozen=True)
 class Integration:
-    """States on the time grid, shape (n_done, n_states), and whether the watch ended it early."""
+    """States on the time grid, shape (n_done, n_states).
+
+    `fired` is the number, counted from 1, of the watch that ended the integration early, else 0.
+    """
 
     states: NDArray[np.float64]
-    watch_fired: bool
+    fired: int
 
 
 class Stepper(Protocol):
@@ -38,9 +41,9 @@ class Stepper(Protocol):
         rhs: CompiledRhs,
         times: NDArray[np.float64],
         x0: NDArray[np.float64],
-        watch: SpreadWatch,
+        watches: Sequence[Watch] = (),
     ) -> Integration:
-        """Integrate from ``x0`` at ``times[0]``; the result includes the start."""
+        """Integrate from ``x0`` at ``times[0]`` until a watch fires; the result includes the start."""
 
 
 def run_loop(
@@ -49,14 +52,14 @@ def run_loop(
     rhs: CompiledRhs,
     times: NDArray[np.float64],
     x0: NDArray[np.float64],
-    watch: SpreadWatch,
+    watches: Sequence[Watch],
 ) -> Integration:
     """Run the compiled loop of a stepper, which fills the states and returns (steps, watch fired)."""
     states = np.empty((len(times), rhs.n_states))
     states[0] = x0
     done, fired = loop(
         rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, step, states,
-        watch.index, watch.group, watch.weight, watch.reference, watch.limit,
+        *pack_watches(watches),
     )  # fmt: skip
     return Integration(states[: done + 1], fired)
 

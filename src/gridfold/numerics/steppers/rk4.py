@@ -5,6 +5,7 @@ Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., p. 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from gridfold.numerics.compiled import FAST, invoke
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step, run_loop
-from gridfold.numerics.watch import SpreadWatch, spread
+from gridfold.numerics.watch import Watch, first_watch
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,10 @@ class RungeKutta4:
         rhs: CompiledRhs,
         times: NDArray[np.float64],
         x0: NDArray[np.float64],
-        watch: SpreadWatch,
+        watches: Sequence[Watch] = (),
     ) -> Integration:
         """Integrate from `x0` along `times`."""
-        return run_loop(_loop, self.step, rhs, times, x0, watch)
+        return run_loop(_loop, self.step, rhs, times, x0, watches)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -59,17 +60,16 @@ def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _loop(
-    address, integers, reals, work, times, full_step, states, index, group, weight, reference, limit
-):
+def _loop(address, integers, reals, work, times, full_step, states, table, w_integers, w_reals):
     n = states.shape[1]
     f, stage, k = np.empty(n), np.empty(n), np.empty(n)
-    distances = np.empty(len(index))
+    verdict = np.zeros(1)
     for step in range(len(times) - 1):
         x, x_new = states[step], states[step + 1]
         invoke(address, (integers, reals, work, x, f))
         h = times[step + 1] - times[step]
         rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new)
-        if not spread(x_new, index, group, weight, reference, distances) <= limit:
-            return step + 1, True
-    return len(times) - 1, False
+        fired = first_watch(table, w_integers, w_reals, x_new, verdict)
+        if fired:
+            return step + 1, fired
+    return len(times) - 1, 0

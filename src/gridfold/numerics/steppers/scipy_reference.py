@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from gridfold.errors import OptionError
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step
-from gridfold.numerics.watch import SpreadWatch
+from gridfold.numerics.watch import Watch
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class ScipyReference:
         rhs: CompiledRhs,
         times: NDArray[np.float64],
         x0: NDArray[np.float64],
-        watch: SpreadWatch,
+        watches: Sequence[Watch] = (),
     ) -> Integration:
         """Integrate from `x0` along `times`."""
         from scipy.integrate import solve_ivp  # slow to import, seldom needed
@@ -52,7 +53,8 @@ class ScipyReference:
         if not solution.success:
             raise OptionError(f"solve_ivp({self.method}) stopped: {solution.message}")
         states = np.ascontiguousarray(solution.y.T)
-        for row, state in enumerate(states):
-            if not np.max(watch.distances(state), initial=0.0) <= watch.limit:
-                return Integration(states[: row + 1], True)
-        return Integration(states, False)
+        for row, state in enumerate(states[1:], start=2):
+            for number, watch in enumerate(watches, start=1):
+                if watch.holds(state):
+                    return Integration(states[:row], number)
+        return Integration(states, 0)

@@ -1,0 +1,226 @@
+"""A model of which some units are exact, some corrected, and the rest linear and perhaps reduced."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.area_rhs import LinearPart, pack_area_rhs
+from gridfold.dynamics.layout import Group, Layout, build_layout
+from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network import build_equations, compile_network
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.rhs import CompiledRhs
+
+#: Random shift of the state by which functions are told to be linear, and what counts as a change.
+_PROBE, _CHANGE = 0.1, 1e-9
+
+
+@dataclass(frozen=True)
+class LinearArea:
+    """The linear part of an area model, in the order of the whole model's states.
+
+    Parameters
+    ----------
+    index : ndarray of int, shape (n,)
+        Positions of its states in the whole model's state vector.
+    reference : ndarray, shape (n,)
+        Its states at the operating point.
+    lift, restrict : ndarrays, shapes (n, r) and (r, n)
+        ``x = reference + lift @ z`` and ``z = restrict @ (x - reference)``.
+    a : ndarray, shape (r, r), or (2, r) with `partners`
+        See :class:`~gridfold.dynamics.area_rhs.LinearPart`.
+    partners : ndarray of int, shape (r,), or None
+    b : ndarray, shape (r, n_inputs)
+    input_reference : ndarray, shape (n_inputs,)
+    full_a, full_b : ndarrays, shapes (n, n) and (n, n_inputs)
+        The linearization before reduction, for the corrected rows.
+    """
+
+    index: NDArray[np.int64]
+    reference: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    restrict: NDArray[np.float64]
+    a: NDArray[np.float64]
+    partners: NDArray[np.int64] | None
+    b: NDArray[np.float64]
+    input_reference: NDArray[np.float64]
+    full_a: NDArray[np.float64]
+    full_b: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AreaModel:
+    """A system of exact and linear states, v = (exact states, z).
+
+    Parameters
+    ----------
+    exact_index : ndarray of int
+        Positions of the exact states in the whole model's state vector.
+    area : LinearArea
+        The linear part.
+    compiled : CompiledRhs
+        The right-hand side.
+    state_names : tuple of str
+        Names of v.
+    nonlinear_functions : int
+        How many functions of linear units are evaluated as they are.
+    """
+
+    exact_index: NDArray[np.int64]
+    area: LinearArea
+    compiled: CompiledRhs = field(repr=False)
+    state_names: tuple[str, ...] = field(repr=False)
+    nonlinear_functions: int = 0
+
+    @property
+    def n_states(self) -> int:
+        """Length of v."""
+        return self.compiled.n_states
+
+    def lift(self, v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States of the whole model, (..., n_states), from v, (..., n)."""
+        n_exact = len(self.exact_index)
+        x = np.empty((*v.shape[:-1], n_exact + len(self.area.index)))
+        x[..., self.exact_index] = v[..., :n_exact]
+        x[..., self.area.index] = self.area.reference + v[..., n_exact:] @ self.area.lift.T
+        return x
+
+    def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The state v nearest to the whole model's state x: z = T (x - x0)."""
+        z = self.area.restrict @ (x[self.area.index] - self.area.reference)
+        return np.concatenate([x[self.exact_index], z])
+
+
+def build_area_model(
+    model: DetailedModel,
+    area: LinearArea,
+    corrected: Collection[UnitKey] = (),
+    ports: Sequence[int] = (),
+    input_states: Sequence[int] = (),
+) -> AreaModel:
+    """Compile a model whose units outside `area` are exact.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The whole system in the network state wanted.
+    area : LinearArea
+        All states of the linear units.
+    corrected : collection of UnitKey
+        Units of the area whose nonlinear functions are put back.
+    ports : sequence of int
+        Boundary buses whose voltages are inputs.
+    input_states : sequence of int
+        Positions of exact states that are inputs, after the ports.
+    """
+    linear_states = set(area.index.tolist())
+    exact_units, linear_units = _divide(model, linear_states)
+    kept = [unit for unit in linear_units if unit in set(corrected)]
+    rest = [unit for unit in linear_units if unit not in set(corrected)]
+    layout = build_layout(_split(model.layout, (exact_units, kept, rest)), ports)
+    slot = {name: k for k, name in enumerate(layout.state_names)}
+    to_slot = np.array([slot[name] for name in model.state_names], dtype=np.int64)
+    exact_index = np.array(
+        [k for k in range(model.n_states) if k not in linear_states], dtype=np.int64
+    )
+    formed, rows = _formed_states(model, area, kept), _nonlinear_rows(model, area, kept)
+    place = {state: row for row, state in enumerate(area.index.tolist())}
+    formed_rows = [place[k] for k in formed]
+    row_index = [place[k] for k in rows]
+    linear = LinearPart(
+        a=area.a,
+        partners=area.partners,
+        b=area.b,
+        formed=to_slot[formed],
+        reference=area.reference[formed_rows],
+        lift=area.lift[formed_rows],
+        input_reference=area.input_reference,
+        ports=np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64),
+        input_states=to_slot[list(input_states)],
+        corrected=to_slot[rows],
+        f=area.full_a[row_index] @ area.lift,
+        g=area.full_b[row_index],
+        t=area.restrict[:, row_index],
+    )
+    equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
+    angle_states = [k for k in exact_index if model.state_names[k].startswith("rotor_angle:")]
+    compiled = pack_area_rhs(
+        layout,
+        _constants(model, layout),
+        compile_network(equations, model.backend),
+        [b for b in layout.blocks if set(b.units) <= set(exact_units) | set(kept)],
+        to_slot[exact_index],
+        (to_slot[angle_states], model.x0[angle_states]),
+        linear,
+        model.state.units_out,
+    )
+    names = [model.state_names[k] for k in exact_index]
+    names += [f"z:{k + 1}" for k in range(linear.order)]
+    return AreaModel(exact_index, area, compiled, tuple(names), len(rows))
+
+
+def _divide(model: DetailedModel, linear_states: set[int]) -> tuple[list[UnitKey], list[UnitKey]]:
+    """Units that have no linear state, and the others."""
+    linear = {
+        unit
+        for block in model.layout.blocks
+        for unit, column in zip(block.units, block.state_index.T, strict=True)
+        if linear_states.intersection(column.tolist())
+    }
+    units = model.layout.source_units
+    return [u for u in units if u not in linear], [u for u in units if u in linear]
+
+
+def _split(layout: Layout, classes: Sequence[Sequence[UnitKey]]) -> list[Group]:
+    """The blocks of a layout divided by classes of units, in the order of the classes."""
+    groups: list[Group] = []
+    for block in layout.blocks:
+        for members in classes:
+            columns = [k for k, unit in enumerate(block.units) if unit in set(members)]
+            if columns:
+                units = [block.units[k] for k in columns]
+                parameters = np.ascontiguousarray(block.parameters[:, columns])
+                groups.append((block.device, units, parameters))
+    return groups
+
+
+def _constants(model: DetailedModel, layout: Layout) -> NDArray[np.float64]:
+    values = dict(zip(model.layout.constant_names, model.constants, strict=True))
+    return np.array([values[name] for name in layout.constant_names])
+
+
+def _probes(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The equilibrium and a state some way off, at which derivatives are compared."""
+    shift = np.random.default_rng(0).uniform(-_PROBE, _PROBE, model.n_states)
+    return model.x0, model.x0 + shift
+
+
+def _formed_states(model: DetailedModel, area: LinearArea, kept: Sequence[UnitKey]) -> list[int]:
+    """Linear states that somebody reads: in Norton currents, or any state of a corrected unit."""
+    read = sum(abs(model.partials(x).currents).sum(axis=0) for x in _probes(model))
+    own = _states_of(model, kept)
+    return [k for k in area.index.tolist() if read[k] > 0 or k in own]
+
+
+def _nonlinear_rows(model: DetailedModel, area: LinearArea, kept: Sequence[UnitKey]) -> list[int]:
+    """States of corrected units whose functions are not linear in states and voltages."""
+    first, second = (model.partials(x) for x in _probes(model))
+    change = abs(first.states - second.states).sum(axis=1)
+    change = change + abs(first.voltages - second.voltages).sum(axis=1)
+    own = _states_of(model, kept)
+    return [k for k in area.index.tolist() if k in own and change[k] > _CHANGE]
+
+
+def _states_of(model: DetailedModel, units: Sequence[UnitKey]) -> set[int]:
+    wanted = set(units)
+    return {
+        int(index)
+        for block in model.layout.blocks
+        for unit, column in zip(block.units, block.state_index.T, strict=True)
+        if unit in wanted
+        for index in column
+    }

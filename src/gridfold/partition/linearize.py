@@ -1,0 +1,86 @@
+"""The external area as a linear system: equations (2) and (3) of Osipov & Sun.
+
+Its inputs are angle and magnitude of the boundary buses' voltages, u = (theta, V); its outputs are its
+states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.jacobian import real_form
+from gridfold.errors import OptionError
+from gridfold.partition.areas import Partition
+from gridfold.partition.coupling import external_network
+from gridfold.systems.linear import LinearSystem
+
+
+@dataclass(frozen=True)
+class ExternalLinearization:
+    """The external area linearized at an operating point.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        A, B and C = I of (3).
+    x0 : ndarray, shape (n_external_states,)
+        The states there.
+    u0 : ndarray, shape (2 * n_boundary,)
+        The inputs there: angles in rad, then magnitudes in per unit.
+    state_index : ndarray of int, shape (n_external_states,)
+        Positions of the external states in the state vector of the whole model.
+    """
+
+    system: LinearSystem
+    x0: NDArray[np.float64]
+    u0: NDArray[np.float64]
+    state_index: NDArray[np.int64]
+
+
+def linearize_external(
+    parts: Partition, x: NDArray[np.float64] | None = None
+) -> ExternalLinearization:
+    """Linearize the external area at the state `x` of the whole model (the equilibrium by default)."""
+    model = parts.model
+    x = model.x0 if x is None else np.asarray(x, dtype=float)
+    signals = model.signals(x[None, :])
+    boundary = _boundary_voltages(parts, model.bus_voltages(signals)[0])
+    partials = model.partials(x)
+    index = np.array(parts.states_of(parts.external_units), dtype=np.int64)
+    terminal = {bus: k for k, bus in enumerate(model.layout.terminals)}
+    at = np.array([terminal[unit.bus] for unit in parts.external_units])
+    # One row a bus: machines at the same bus see the same voltage.
+    buses, first = np.unique(at, return_index=True)
+    both = np.concatenate([buses, len(terminal) + buses])
+    network = external_network(parts)
+    impedance = network.impedance[np.ix_(first, first)]
+    a = partials.states[index][:, index].toarray()
+    to_voltage = partials.voltages[index][:, both].toarray()
+    currents = partials.currents[both][:, index].toarray()
+    a += to_voltage @ (real_form(impedance) @ currents)
+    polar = np.block([[np.diag(1j * boundary), np.diag(boundary / np.abs(boundary))]])
+    response = network.transfer[first] @ polar
+    b = to_voltage @ np.concatenate([response.real, response.imag])
+    u0 = np.concatenate([np.angle(boundary), np.abs(boundary)])
+    names = tuple(model.state_names[k] for k in index)
+    inputs = tuple(
+        f"{name}:{bus}" for name in ("angle", "magnitude") for bus in parts.boundary_buses
+    )
+    system = LinearSystem(
+        a, b, np.eye(len(index)), state_names=names, input_names=inputs, output_names=names
+    )
+    return ExternalLinearization(system, x[index].copy(), u0, index)
+
+
+def _boundary_voltages(
+    parts: Partition, voltages: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    index = parts.model.case.bus_index
+    boundary = voltages[[index[bus] for bus in parts.boundary_buses]]
+    if not np.abs(boundary).all():
+        dead = parts.boundary_buses[int(np.argmin(np.abs(boundary)))]
+        raise OptionError(f"the voltage of boundary bus {dead} is zero; it has no angle")
+    return boundary
