@@ -14,6 +14,8 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import build_equations, compile_network
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
+from gridfold.systems.linear import LinearSystem
+from gridfold.systems.statemap import StateMap
 
 #: Random shift of the state by which functions are told to be linear, and what counts as a change.
 _PROBE, _CHANGE = 0.1, 1e-9
@@ -21,35 +23,36 @@ _PROBE, _CHANGE = 0.1, 1e-9
 
 @dataclass(frozen=True)
 class LinearArea:
-    """The linear part of an area model, in the order of the whole model's states.
+    """The linear part of an area model, about an operating point.
 
     Parameters
     ----------
     index : ndarray of int, shape (n,)
         Positions of its states in the whole model's state vector.
-    reference : ndarray, shape (n,)
-        Its states at the operating point.
-    lift, restrict : ndarrays, shapes (n, r) and (r, n)
-        ``x = reference + lift @ z`` and ``z = restrict @ (x - reference)``.
+    states : StateMap
+        x = x0 + T~ z of these states.
+    full : LinearSystem
+        The linearization before reduction: A (n, n) and B (n, n_inputs).
     a : ndarray, shape (r, r), or (2, r) with `partners`
-        See :class:`~gridfold.dynamics.area_rhs.LinearPart`.
+        A in the coordinates z, or diagonal and coupling of its modal form.
     partners : ndarray of int, shape (r,), or None
+        Partner of each coordinate of a modal form.
     b : ndarray, shape (r, n_inputs)
+        B in the coordinates z.
     input_reference : ndarray, shape (n_inputs,)
-    full_a, full_b : ndarrays, shapes (n, n) and (n, n_inputs)
-        The linearization before reduction, for the corrected rows.
+        The inputs at the operating point.
+    drift : ndarray, shape (n,)
+        Derivatives at the operating point: 0, but for angles that turn with a new frequency.
     """
 
     index: NDArray[np.int64]
-    reference: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    restrict: NDArray[np.float64]
+    states: StateMap
+    full: LinearSystem
     a: NDArray[np.float64]
     partners: NDArray[np.int64] | None
     b: NDArray[np.float64]
     input_reference: NDArray[np.float64]
-    full_a: NDArray[np.float64]
-    full_b: NDArray[np.float64]
+    drift: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,12 @@ class AreaModel:
         n_exact = len(self.exact_index)
         x = np.empty((*v.shape[:-1], n_exact + len(self.area.index)))
         x[..., self.exact_index] = v[..., :n_exact]
-        x[..., self.area.index] = self.area.reference + v[..., n_exact:] @ self.area.lift.T
+        x[..., self.area.index] = self.area.states.lift(v[..., n_exact:])
         return x
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state v nearest to the whole model's state x: z = T (x - x0)."""
-        z = self.area.restrict @ (x[self.area.index] - self.area.reference)
+        z = self.area.states.restrict(x[self.area.index])
         return np.concatenate([x[self.exact_index], z])
 
 
@@ -136,15 +139,16 @@ def build_area_model(
         partners=area.partners,
         b=area.b,
         formed=to_slot[formed],
-        reference=area.reference[formed_rows],
-        lift=area.lift[formed_rows],
+        offset=area.states.restrict_matrix @ area.drift,
+        reference=area.states.reference[formed_rows],
+        lift=area.states.lift_matrix[formed_rows],
         input_reference=area.input_reference,
         ports=np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64),
         input_states=to_slot[list(input_states)],
         corrected=to_slot[rows],
-        f=area.full_a[row_index] @ area.lift,
-        g=area.full_b[row_index],
-        t=area.restrict[:, row_index],
+        f=area.full.a[row_index] @ area.states.lift_matrix,
+        g=area.full.b[row_index],
+        t=area.states.restrict_matrix[:, row_index],
     )
     equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
     angle_states = [k for k in exact_index if model.state_names[k].startswith("rotor_angle:")]

@@ -4,7 +4,7 @@ State v = (states of the nonlinear units, reduced coordinates z). Of the linear 
 are formed that somebody reads: what enters Norton currents, and all states of the corrected units.
 The linear part moves by
 
-    z' = A z + B du + T (f - F z - G du),
+    z' = A z + B du + c + T (f - F z - G du),
 
 where du are deviations of boundary voltages (angle, magnitude) or of states of the nonlinear units,
 and the last term, over the rows of the corrected units, puts their nonlinear functions f back into
@@ -62,6 +62,7 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     A_AT,
     PARTNERS_AT,
     B_AT,
+    OFFSET_AT,
     N_CORRECTED,
     CORRECTED_SLOTS_AT,
     F_AT,
@@ -70,8 +71,8 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     DERIVATIVE_AT,
     DU_AT,
     CORRECTION_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 27)
-_AREA_HEADER = HEADER_SIZE + 27
+) = range(HEADER_SIZE, HEADER_SIZE + 28)
+_AREA_HEADER = HEADER_SIZE + 28
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,8 @@ class LinearPart:
         Partner of each coordinate of a modal form; None if `a` is a full matrix.
     b : ndarray, shape (r, n_inputs)
         Input matrix.
+    offset : ndarray, shape (r,)
+        Constant part of z'.
     formed : ndarray of int, shape (n_formed,)
         Positions in the state vector of the states that are formed.
     reference, lift : ndarrays, shapes (n_formed,) and (n_formed, r)
@@ -105,6 +108,7 @@ class LinearPart:
     a: NDArray[np.float64]
     partners: NDArray[np.int64] | None
     b: NDArray[np.float64]
+    offset: NDArray[np.float64]
     formed: NDArray[np.int64]
     reference: NDArray[np.float64]
     lift: NDArray[np.float64]
@@ -168,7 +172,7 @@ def pack_area_rhs(
     header[ANGLE_REFERENCE_AT] = reals.add(angles[1])
     header[[IS_MODAL, A_AT]] = linear.partners is not None, reals.add(linear.a)
     header[PARTNERS_AT] = integers.add([] if linear.partners is None else linear.partners)
-    header[B_AT] = reals.add(linear.b)
+    header[[B_AT, OFFSET_AT]] = reals.add(linear.b), reals.add(linear.offset)
     header[[N_CORRECTED, CORRECTED_SLOTS_AT]] = (
         len(linear.corrected), integers.add(linear.corrected),
     )  # fmt: skip
@@ -267,6 +271,8 @@ def _area_rhs(integers, reals, work, v, dv):
     _input_deviations(integers, reals, work, du)
     _apply_a(integers, reals, z, dz)
     _add_product(matrix_view(reals, integers[B_AT], order, n_inputs), du, dz)
+    for k in range(order):
+        dz[k] += reals[integers[OFFSET_AT] + k]
     n_corrected = integers[N_CORRECTED]
     if n_corrected > 0:
         correction = work[integers[CORRECTION_AT] : integers[CORRECTION_AT] + n_corrected]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.jacobian import real_form
+from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.partition.areas import Partition
 from gridfold.partition.coupling import external_network
@@ -32,19 +33,34 @@ class ExternalLinearization:
         The inputs there: angles in rad, then magnitudes in per unit.
     state_index : ndarray of int, shape (n_external_states,)
         Positions of the external states in the state vector of the whole model.
+    drift : ndarray, shape (n_external_states,)
+        Derivatives there: zero at an equilibrium, but for angles that turn with its frequency.
     """
 
     system: LinearSystem
     x0: NDArray[np.float64]
     u0: NDArray[np.float64]
     state_index: NDArray[np.int64]
+    drift: NDArray[np.float64]
 
 
 def linearize_external(
-    parts: Partition, x: NDArray[np.float64] | None = None
+    parts: Partition,
+    model: DetailedModel | None = None,
+    x: NDArray[np.float64] | None = None,
 ) -> ExternalLinearization:
-    """Linearize the external area at the state `x` of the whole model (the equilibrium by default)."""
-    model = parts.model
+    """Linearize the external area at a state of the whole system.
+
+    Parameters
+    ----------
+    parts : Partition
+        The areas.
+    model : DetailedModel, optional
+        The whole system in the network state in which `x` is meant; the intact one by default.
+    x : ndarray, shape (n_states,), optional
+        The state; the equilibrium of the intact system by default.
+    """
+    model = parts.model if model is None else model
     x = model.x0 if x is None else np.asarray(x, dtype=float)
     signals = model.signals(x[None, :])
     boundary = _boundary_voltages(parts, model.bus_voltages(signals)[0])
@@ -72,7 +88,8 @@ def linearize_external(
     system = LinearSystem(
         a, b, np.eye(len(index)), state_names=names, input_names=inputs, output_names=names
     )
-    return ExternalLinearization(system, x[index].copy(), u0, index)
+    drift = model.compiled(x)[index]
+    return ExternalLinearization(system, x[index].copy(), u0, index, drift)
 
 
 def _boundary_voltages(

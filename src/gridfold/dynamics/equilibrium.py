@@ -1,0 +1,76 @@
+"""The equilibrium of a network state other than the intact one.
+
+After a loss of load or generation the machines settle at a new common speed: all rotor angles then turn
+together, at a constant rate. That is an equilibrium too, in a frame that turns with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
+from gridfold.errors import InitializationError
+
+_MAX_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A state at which all derivatives vanish, but for the common rate of rotor angles.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_states,)
+        The state.
+    rate : float
+        Rate at which all rotor angles turn, in rad/s.
+    """
+
+    x: NDArray[np.float64]
+    rate: float
+
+
+def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equilibrium:
+    """Equilibrium of `model` in its network state, by Newton's method from `guess`.
+
+    The inertia-weighted mean of the rotor angles stays that of the guess.
+
+    Raises
+    ------
+    InitializationError
+        None is found: the system has none there, or falls apart into islands.
+    """
+    units = tuple(unit for unit in model.machines if unit not in model.state.units_out)
+    angles = model.slots("rotor_angle", units)
+    weights = model.inertia(units) / model.inertia(units).sum()
+    moving = np.zeros(model.n_states)
+    moving[angles] = 1.0
+    frozen = [
+        int(k)
+        for block in model.layout.blocks
+        for unit, column in zip(block.units, block.state_index.T, strict=True)
+        if unit in model.state.units_out
+        for k in column
+    ]
+    x, rate = guess.copy(), 0.0
+    for _ in range(_MAX_ITERATIONS):
+        residual = model.compiled(x) - rate * moving
+        if np.abs(residual).max() < RESIDUAL_GOOD:
+            return Equilibrium(x, rate)
+        matrix = np.zeros((model.n_states + 1,) * 2)
+        matrix[:-1, :-1] = model.jacobian(x)
+        matrix[frozen, frozen] = 1.0
+        matrix[:-1, -1] = -moving
+        matrix[-1, angles] = weights
+        shift = weights @ (x[angles] - guess[angles])
+        try:
+            step = np.linalg.solve(matrix, np.concatenate([residual, [shift]]))
+        except np.linalg.LinAlgError:
+            break
+        x, rate = x - step[:-1], rate - step[-1]
+        if not np.isfinite(x).all():
+            break
+    raise InitializationError("no equilibrium was found for the network after the disturbance")

@@ -1,0 +1,354 @@
+"""The adaptive switching algorithm: section II.C and Fig. 2 of Osipov & Sun.
+
+Detailed while a fault is on; after that hybrid as long as the angle deviation of any study-area
+machine exceeds the threshold, else linear. When the topology has changed, or the threshold has been
+exceeded for too long, the models move to the new operating point.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.equilibrium import find_equilibrium
+from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import InitializationError, OptionError
+from gridfold.grid.events import Event
+from gridfold.grid.network_state import NetworkState
+from gridfold.grid.timeline import Stage
+from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.watch import BandWatch
+from gridfold.simulation.run import run_plan
+from gridfold.simulation.segment import Coordinates, Segment
+from gridfold.studies.notices import stage_notices
+from gridfold.studies.reduced import ModelFamily, SmallModel
+from gridfold.studies.simulate import ModelStore, SimulationPlan, plan_simulation
+from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion, angle_frame
+from gridfold.studies.trajectory import Trajectory
+
+#: Times closer than this (s) are one instant.
+_INSTANT = 1e-9
+
+
+class Mode(Enum):
+    """Which model is in use."""
+
+    DETAILED = "detailed"
+    HYBRID = "hybrid"
+    LINEAR = "linear"
+
+
+class Switch(NamedTuple):
+    """A change of model: when (s), from what to what, why, and the largest jump of a rotor angle."""
+
+    time: float
+    before: Mode | None
+    after: Mode
+    reason: str
+    jump_deg: float
+
+
+@dataclass(frozen=True)
+class SwitchingRule:
+    """When which model is used.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Threshold of the angle deviation in degrees; 0 is hybrid all the time, infinity linear.
+    longest_above : float
+        Time in seconds above the threshold after which the operating point is looked for anew.
+    """
+
+    angle_deg: float
+    longest_above: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not self.angle_deg >= 0:
+            raise OptionError(
+                f"the angle threshold must be 0 degrees or more, not {self.angle_deg!r}"
+            )
+        if not self.longest_above > 0:
+            raise OptionError(f"longest_above must be positive, not {self.longest_above!r}")
+
+
+@dataclass(frozen=True)
+class AdaptiveRun:
+    """A run with reduced models.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run; its states are those of the whole system, lifted where a reduced model was in use.
+    switches : tuple of Switch
+        The log of switches.
+    reduction_seconds : float
+        Time spent on building reduced models during the run.
+    """
+
+    trajectory: Trajectory
+    switches: tuple[Switch, ...]
+    reduction_seconds: float
+
+
+class SmallModels:
+    """Linear and hybrid models by network state, about the operating point that belongs to it.
+
+    Hand the same store to several runs to build each model once.
+    """
+
+    def __init__(self, family: ModelFamily):
+        self.family = family
+        self._families: dict[tuple[object, ...], ModelFamily | None] = {(): family}
+        self._models: dict[tuple[NetworkState, Mode], SmallModel] = {}
+        self.seconds = 0.0
+
+    def family_for(self, model: DetailedModel) -> ModelFamily | None:
+        """The family about the equilibrium of the network state; None if there is no equilibrium."""
+        key = _topology(model)
+        if key not in self._families:
+            began = clock.perf_counter()
+            try:
+                point = find_equilibrium(model, self.family.origin)
+                self._families[key] = self.family.moved(model, point)
+            except InitializationError:
+                self._families[key] = None
+            self.seconds += clock.perf_counter() - began
+        return self._families[key]
+
+    def get(self, model: DetailedModel, mode: Mode) -> SmallModel | None:
+        """The small model of `mode` in the network state of `model`."""
+        key = (model.state, mode)
+        if key not in self._models:
+            family = self.family_for(model)
+            if family is None:
+                return None
+            began = clock.perf_counter()
+            build = family.linear if mode is Mode.LINEAR else family.hybrid
+            self._models[key] = build(model)
+            self.seconds += clock.perf_counter() - began
+        return self._models[key]
+
+
+def _topology(model: DetailedModel) -> tuple[object, ...]:
+    """What moves the equilibrium: nothing for the intact network, faults aside."""
+    state = model.state
+    if (state.branches_out, state.units_out, state.load_steps) == (
+        model.case.branches_out,
+        frozenset(),
+        (),
+    ):
+        return ()
+    return (state.branches_out, state.units_out, state.load_steps)
+
+
+@dataclass
+class AdaptivePlan:
+    """Says which model comes next, and keeps the log."""
+
+    plan: SimulationPlan
+    small: SmallModels
+    rule: SwitchingRule
+    criterion: SynchronismCriterion | None
+    switches: list[Switch] = field(default_factory=list)
+    models: list[DetailedModel] = field(default_factory=list)
+    above_since: float | None = None
+    looked: bool = False
+
+    def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
+        """The segment from `time` and the state `x` on."""
+        if time >= self.plan.t_end - _INSTANT:
+            return None
+        stage, model, end = self._stage(time)
+        mode, reason = self._choose(time, model, x)
+        small = None if mode is Mode.DETAILED else self.small.get(model, mode)
+        if small is None and mode is not Mode.DETAILED:
+            mode, reason = Mode.DETAILED, "there is no equilibrium to linearize about"
+        if mode is Mode.HYBRID and self.above_since is not None and not self.looked:
+            end = min(end, max(self.above_since + self.rule.longest_above, time + _INSTANT))
+        self._log(time, mode, reason, small, x, model)
+        self.models.append(model)
+        label = f"{stage.label} ({mode.value})"
+        return _segment(model, small, end, label, self._watch(model, mode), self.criterion)
+
+    def _stage(self, time: float) -> tuple[Stage, DetailedModel, float]:
+        now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
+        return self.plan.stages[now], self.plan.models[now], self.plan.ends[now]
+
+    def _choose(
+        self, time: float, model: DetailedModel, x: NDArray[np.float64]
+    ) -> tuple[Mode, str]:
+        if model.state.faulted:
+            self.above_since = None
+            return Mode.DETAILED, "fault on"
+        family = self.small.family_for(model)
+        if family is None:
+            return Mode.DETAILED, "there is no equilibrium to linearize about"
+        deviation = np.rad2deg(np.abs(_deviation_matrix(model, family) @ (x - family.origin)))
+        worst = float(deviation.max(initial=0.0))
+        if worst <= self.rule.angle_deg:
+            self.above_since, self.looked = None, False
+            return (
+                Mode.LINEAR,
+                f"largest angle deviation {worst:.1f} degrees is within the threshold",
+            )
+        if self.above_since is None:
+            self.above_since = time
+        elif time >= self.above_since + self.rule.longest_above - _INSTANT and not self.looked:
+            self.looked = True
+            return Mode.HYBRID, (
+                f"above the threshold for {self.rule.longest_above:g} s; the topology is that of the "
+                "operating point, nothing is rebuilt"
+            )
+        return Mode.HYBRID, f"largest angle deviation {worst:.1f} degrees exceeds the threshold"
+
+    def _watch(
+        self, model: DetailedModel, mode: Mode
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None:
+        """Condition that ends the segment: rows, origin, limit in rad, and whether inside."""
+        family = self.small.family_for(model)
+        if mode is Mode.DETAILED or family is None:
+            return None
+        rows = _deviation_matrix(model, family)
+        limit = float(np.deg2rad(self.rule.angle_deg))
+        return rows, -rows @ family.origin, limit, mode is Mode.HYBRID
+
+    def _log(
+        self,
+        time: float,
+        mode: Mode,
+        reason: str,
+        small: SmallModel | None,
+        x: NDArray[np.float64],
+        model: DetailedModel,
+    ) -> None:
+        before = self.switches[-1].after if self.switches else None
+        if before is mode and "nothing is rebuilt" not in reason:
+            return
+        jump = 0.0
+        if small is not None:
+            angles = model.slots("rotor_angle", model.machines)
+            again = small.coordinates.lift(small.coordinates.restrict(x))
+            jump = float(np.rad2deg(np.abs((again - x)[angles]).max(initial=0.0)))
+        self.switches.append(Switch(time, before, mode, reason, jump))
+
+
+def simulate_adaptive(
+    model: DetailedModel,
+    family: ModelFamily | SmallModels,
+    rule: SwitchingRule,
+    events: Sequence[Event] = (),
+    t_end: float = 16.0,
+    stepper: Stepper | None = None,
+    criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+    store: ModelStore | None = None,
+) -> AdaptiveRun:
+    """Simulate with the adaptive algorithm.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The whole system.
+    family : ModelFamily or SmallModels
+        From :func:`reduce_external` or :func:`whole_system`; a :class:`SmallModels` keeps what it
+        builds for further runs.
+    rule : SwitchingRule
+        Thresholds; 0 degrees gives the hybrid and infinity the linear model all the time.
+    events, t_end, stepper, criterion, store
+        As in :func:`gridfold.simulate`.
+    """
+    stepper = RungeKutta4() if stepper is None else stepper
+    small = family if isinstance(family, SmallModels) else SmallModels(family)
+    spent = small.seconds
+    began = clock.perf_counter()
+    stages = plan_simulation(model, events, t_end, store)
+    plan = AdaptivePlan(stages, small, rule, criterion)
+    ready = clock.perf_counter()
+    run = run_plan(plan, model.x0, stepper)
+    done = clock.perf_counter()
+    reduction = small.seconds - spent
+    reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
+    trajectory = Trajectory(
+        model=model,
+        run=run,
+        models=tuple(plan.models),
+        events=tuple(events),
+        notices=stage_notices(reached, stages.models),
+        stepper=stepper,
+        criterion=criterion,
+        t_end=t_end,
+        setup_seconds=ready - began,
+        simulation_seconds=done - ready - reduction,
+    )
+    return AdaptiveRun(trajectory, tuple(plan.switches), reduction)
+
+
+def _deviation_matrix(model: DetailedModel, family: ModelFamily) -> NDArray[np.float64]:
+    """Rows that give each study machine's rotor angle against the reference machine."""
+    units = [unit for unit in family.study_units if unit in model.machines]
+    units = [unit for unit in units if unit not in model.state.units_out]
+    rows = np.zeros((len(units), model.n_states))
+    rows[np.arange(len(units)), model.slots("rotor_angle", tuple(units))] = 1.0
+    rows[:, model.slots("rotor_angle", (family.reference_unit,))] -= 1.0
+    return rows
+
+
+def _segment(
+    model: DetailedModel,
+    small: SmallModel | None,
+    end: float,
+    label: str,
+    switch: tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None,
+    criterion: SynchronismCriterion | None,
+) -> Segment:
+    """A segment with its watches, in the coordinates of its system."""
+    if small is None:
+        stops = () if criterion is None else (criterion.watch(model),)
+        return Segment(model, end, label, stops)
+    stop_watches: tuple[BandWatch, ...] = ()
+    if criterion is not None:
+        rows, offset = _spread_rows(model)
+        limit = float(np.deg2rad(criterion.limit_deg))
+        stop_watches = (_band(small.coordinates, model, rows, offset, limit, inside=False),)
+    switches: tuple[BandWatch, ...] = ()
+    if switch is not None:
+        rows, offset, limit, inside = switch
+        switches = (_band(small.coordinates, model, rows, offset, limit, inside),)
+    return Segment(small.system, end, label, stop_watches, switches, small.coordinates)
+
+
+def _spread_rows(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distances from the island's reference as rows and offsets over the whole system's states."""
+    frame = angle_frame(model)
+    rows = np.zeros((len(frame.units), model.n_states))
+    offset = np.zeros(len(frame.units))
+    rows[np.arange(len(frame.units)), frame.slots] = 1.0
+    for island, fixed in enumerate(frame.fixed):
+        members = np.flatnonzero(frame.island == island)
+        if np.isnan(fixed):
+            weights = frame.inertia[members] / frame.inertia[members].sum()
+            rows[np.ix_(members, frame.slots[members])] -= weights
+        else:
+            offset[members] -= fixed
+    return rows, offset
+
+
+def _band(
+    coordinates: Coordinates,
+    model: DetailedModel,
+    rows: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    limit: float,
+    inside: bool,
+) -> BandWatch:
+    """A band over the whole system's states as one over the small system's."""
+    size = len(coordinates.restrict(model.x0))
+    origin = coordinates.lift(np.zeros(size))
+    slopes = coordinates.lift(np.eye(size)) - origin
+    return BandWatch(rows @ slopes.T, rows @ origin + offset, limit, inside)

@@ -1,0 +1,233 @@
+"""Reduced models of a partitioned system, and linear models of a whole one.
+
+A family of models offers, for any network state of the study area, the linear and the hybrid model
+between which the adaptive algorithm switches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.area_model import LinearArea, build_area_model
+from gridfold.dynamics.equilibrium import Equilibrium
+from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.modal_form import modal_form
+from gridfold.partition import Coupling, Partition, couple, linearize_external
+from gridfold.reduction import BalancedTruncation, Reducer, Reduction
+from gridfold.simulation.segment import Coordinates
+from gridfold.systems.linear import LinearSystem
+from gridfold.systems.modal import ModalSystem
+from gridfold.systems.protocol import System
+from gridfold.systems.statemap import StateMap
+
+#: Threshold of the column norm in per unit, as the paper calibrates it for NPCC.
+COLUMN_NORM = 1.0
+
+
+@dataclass(frozen=True)
+class SmallModel:
+    """A model and the way between its states and those of the whole system."""
+
+    system: System
+    coordinates: Coordinates
+    nonlinear_functions: int
+
+
+class ModelFamily(Protocol):
+    """Linear and hybrid models about one operating point."""
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The machine against which angle deviations are measured."""
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines whose angle deviations decide."""
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """State of the whole system at the operating point."""
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """The linear model, in the network state of `model`."""
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """The hybrid model, in the network state of `model`."""
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> ModelFamily:
+        """The family about another operating point, that of `model` at `point`."""
+
+
+@dataclass(frozen=True)
+class ReducedExternal:
+    """The external area reduced: equations (3)-(15) of Osipov & Sun.
+
+    Build it with :func:`reduce_external`.
+
+    Parameters
+    ----------
+    parts : Partition
+        Study and external area.
+    coupling : Coupling
+        Column norms of the external machines.
+    kept : tuple of UnitKey
+        External machines whose functions stay nonlinear in the hybrid model.
+    reduction : Reduction
+        Reduced linear system, singular values and bound.
+    area : LinearArea
+        The same, ready to be simulated.
+    origin : ndarray, shape (n_states,)
+        State of the whole system at the operating point.
+    reducer : Reducer
+        How it was reduced.
+    """
+
+    parts: Partition
+    coupling: Coupling
+    kept: tuple[UnitKey, ...]
+    reduction: Reduction
+    area: LinearArea = field(repr=False)
+    origin: NDArray[np.float64] = field(repr=False)
+    reducer: Reducer
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The electrically furthest machine."""
+        return self.coupling.reference
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines of the study area."""
+        return self.parts.study_units
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """Study area in full, external area linear and reduced."""
+        return self._build(model, ())
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """Study area in full, external area reduced with the kept functions nonlinear."""
+        return self._build(model, self.kept)
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> ReducedExternal:
+        """Linearized and reduced again about `point`, the equilibrium of `model`."""
+        return _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
+
+    def _build(self, model: DetailedModel, corrected: Sequence[UnitKey]) -> SmallModel:
+        built = build_area_model(model, self.area, corrected, self.parts.boundary_buses)
+        return SmallModel(built, built, built.nonlinear_functions)
+
+
+def reduce_external(
+    parts: Partition, reducer: Reducer | None = None, column_norm: float = COLUMN_NORM
+) -> ReducedExternal:
+    """Linearize and reduce the external area at the equilibrium.
+
+    Parameters
+    ----------
+    parts : Partition
+        From :func:`gridfold.partition.partition`.
+    reducer : Reducer
+        Balanced truncation to a bound of 1e-5 by default, as in the paper.
+    column_norm : float
+        Machines with at least this column norm (p.u.) stay nonlinear in the hybrid model.
+    """
+    coupling = couple(parts)
+    chosen = BalancedTruncation(tolerance=1e-5) if reducer is None else reducer
+    start = Equilibrium(parts.model.x0, 0.0)
+    return _reduce(parts, coupling, coupling.kept(column_norm), chosen, parts.model, start)
+
+
+def _reduce(
+    parts: Partition,
+    coupling: Coupling,
+    kept: tuple[UnitKey, ...],
+    reducer: Reducer,
+    model: DetailedModel,
+    point: Equilibrium,
+) -> ReducedExternal:
+    linear = linearize_external(parts, model, point.x)
+    reduction = reducer.reduce(linear.system, linear.x0)
+    if reduction.system.d.any():
+        raise OptionError("a reduction with feed-through cannot stand in for an external area")
+    form = modal_form(reduction.system.a)
+    a, b, states, partners = reduction.system.a, reduction.system.b, reduction.states, None
+    if form is not None:
+        a, partners = np.stack([form.diagonal, form.coupling]), form.partner
+        b = form.inverse @ b
+        states = StateMap(
+            states.reference,
+            states.lift_matrix @ form.basis,
+            form.inverse @ states.restrict_matrix,
+        )
+    area = LinearArea(
+        linear.state_index, states, linear.system, a, partners, b, linear.u0, linear.drift
+    )
+    return ReducedExternal(parts, coupling, kept, reduction, area, point.x, reducer)
+
+
+@dataclass(frozen=True)
+class WholeSystem:
+    """The whole system without partition: equations (16) and (17) of Osipov & Sun.
+
+    The hybrid model keeps the functions of the study area and of the kept machines; the linear model
+    linearizes everything, and is stepped by modes.
+    """
+
+    parts: Partition
+    coupling: Coupling
+    kept: tuple[UnitKey, ...]
+    origin: NDArray[np.float64] = field(repr=False)
+    rate: float = 0.0
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The electrically furthest machine."""
+        return self.coupling.reference
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines of the study area."""
+        return self.parts.study_units
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """Everything linear, equation (17), in modal coordinates."""
+        form = modal_form(model.jacobian(self.origin))
+        if form is None:
+            raise OptionError("the modes of the whole system are too close to be told apart")
+        states = StateMap(self.origin, form.basis, form.inverse)
+        system = ModalSystem(form, form.inverse @ model.compiled(self.origin))
+        return SmallModel(system, states, 0)
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """Functions of far machines linear, equation (16)."""
+        near = set(self.parts.study_units) | set(self.kept)
+        far = [unit for unit in self.parts.external_units if unit not in near]
+        index = np.array(self.parts.states_of(far), dtype=np.int64)
+        rest = np.setdiff1d(np.arange(model.n_states), index)
+        jacobian = model.jacobian(self.origin)
+        full = LinearSystem(
+            jacobian[np.ix_(index, index)], jacobian[np.ix_(index, rest)], np.eye(len(index))
+        )
+        drift = model.compiled(self.origin)[index]
+        states = StateMap.identity(self.origin[index])
+        reference = self.origin[rest]
+        area = LinearArea(index, states, full, full.a, None, full.b, reference, drift)
+        built = build_area_model(model, area, input_states=rest.tolist())
+        return SmallModel(built, built, 0)
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> WholeSystem:
+        """About another operating point."""
+        return WholeSystem(self.parts, self.coupling, self.kept, point.x, point.rate)
+
+
+def whole_system(parts: Partition, column_norm: float = COLUMN_NORM) -> WholeSystem:
+    """The version without partition, about the equilibrium."""
+    coupling = couple(parts)
+    return WholeSystem(parts, coupling, coupling.kept(column_norm), parts.model.x0)
