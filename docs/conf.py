@@ -8,6 +8,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import generate
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert as latex_to_mathml
 
 import gridfold
 from gridfold.dynamics.model import RESIDUAL_GOOD, RESIDUAL_LIMIT
@@ -18,7 +20,8 @@ author = "The gridfold developers"
 copyright = "the gridfold developers"
 release = version = gridfold.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_math_renderer = "mathml"
 root_doc = "index"
 exclude_patterns = ["_build", "_generated", "generated"]
 needs_sphinx = "8.1"
@@ -45,6 +48,8 @@ html_theme = "furo"
 html_title = f"gridfold {gridfold.__version__}"
 html_show_copyright = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["math.css"]
 
 generate.write_all(Path(__file__).parent)
 
@@ -61,5 +66,20 @@ def _readable(app, what, name, obj, options, signature, returns):
     return tuple(texts)
 
 
+def _inline_math(visitor, node):
+    """Formulas as MathML, which browsers draw by themselves, without a script or the network."""
+    visitor.body.append(latex_to_mathml(node.astext()))
+    raise SkipNode
+
+
+def _display_math(visitor, node):
+    source = node.astext().replace("{aligned}", "{align*}")  # one name for the same thing
+    formula = latex_to_mathml(source, display="block")
+    kind = "math aligned" if "{align*}" in source else "math"
+    visitor.body.append(f'<div class="{kind}">{formula}</div>')
+    raise SkipNode
+
+
 def setup(app):
     app.connect("autodoc-process-signature", _readable)
+    app.add_html_math_renderer("mathml", (_inline_math, None), (_display_math, None))
