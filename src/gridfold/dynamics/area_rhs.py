@@ -6,7 +6,12 @@ The linear part moves by
 
     z' = A z + B du + c + T (f - F z - G du),
 
-where du are deviations of boundary voltages (angle, magnitude) or of states of the nonlinear units,
+Either these states are formed one by one and their Norton currents computed as they are, or the
+voltages that they cause at the terminals in use are outputs, linear in logarithm and angle:
+V = V0 exp(C z). The latter costs the same however many machines are linear, and follows a common turn
+of all angles exactly.
+
+Here du are deviations of boundary voltages (angle, magnitude) or of states of the nonlinear units,
 and the last term, over the rows of the corrected units, puts their nonlinear functions f back into
 their places (equations (14)-(15) of Osipov & Sun, in correction form).
 """
@@ -59,6 +64,9 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     ANGLE_SLOTS_AT,
     ANGLE_REFERENCE_AT,
     IS_MODAL,
+    N_CAUSED,
+    CAUSED_AT,
+    CAUSED_MATRIX_AT,
     A_AT,
     PARTNERS_AT,
     B_AT,
@@ -71,8 +79,8 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     DERIVATIVE_AT,
     DU_AT,
     CORRECTION_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 28)
-_AREA_HEADER = HEADER_SIZE + 28
+) = range(HEADER_SIZE, HEADER_SIZE + 31)
+_AREA_HEADER = HEADER_SIZE + 31
 
 
 @dataclass(frozen=True)
@@ -101,6 +109,8 @@ class LinearPart:
         Positions of the states that are inputs.
     corrected : ndarray of int, shape (n_corrected,)
         Positions of the states whose functions stay nonlinear.
+    caused, caused_matrix : ndarrays of complex, shapes (n_terminals,) and (n_terminals, r)
+        Voltages V0 and their logarithmic slopes C; both empty where states are formed instead.
     f, g, t : ndarrays, shapes (n_corrected, r), (n_corrected, n_inputs), (r, n_corrected)
         Linear part of these functions, and where they act.
     """
@@ -119,6 +129,8 @@ class LinearPart:
     f: NDArray[np.float64]
     g: NDArray[np.float64]
     t: NDArray[np.float64]
+    caused: NDArray[np.complex128]
+    caused_matrix: NDArray[np.complex128]
 
     @property
     def order(self) -> int:
@@ -176,6 +188,11 @@ def pack_area_rhs(
     header[[N_CORRECTED, CORRECTED_SLOTS_AT]] = (
         len(linear.corrected), integers.add(linear.corrected),
     )  # fmt: skip
+    header[[N_CAUSED, CAUSED_AT]] = (
+        len(linear.caused), reals.add(np.stack([linear.caused.real, linear.caused.imag])),
+    )  # fmt: skip
+    slopes = np.stack([linear.caused_matrix.real, linear.caused_matrix.imag])
+    header[CAUSED_MATRIX_AT] = reals.add(slopes)
     header[[F_AT, G_AT, T_AT]] = reals.add(linear.f), reals.add(linear.g), reals.add(linear.t)
     header[DERIVATIVE_AT] = data.work_size
     header[DU_AT] = data.work_size + layout.n_states
@@ -212,6 +229,26 @@ def _form_states(integers, reals, work, v):
             total += lift[k, j] * v[n_exact + j]
         slot = integers[integers[FORMED_SLOTS_AT] + k]
         work[slot] = reals[integers[FORMED_REFERENCE_AT] + k] + total
+
+
+@compiled_part
+def _add_caused_voltages(integers, reals, work, z):
+    """Add what the linear machines cause at the terminals."""
+    n, order = integers[N_CAUSED], integers[ORDER]
+    at, slopes_at = integers[CAUSED_AT], integers[CAUSED_MATRIX_AT]
+    log_slopes = matrix_view(reals, slopes_at, n, order)
+    angle_slopes = matrix_view(reals, slopes_at + n * order, n, order)
+    voltages_at = integers[N_SIGNALS] - 2 * n
+    for t in range(n):
+        log_gain, turn = 0.0, 0.0
+        for j in range(order):
+            log_gain += log_slopes[t, j] * z[j]
+            turn += angle_slopes[t, j] * z[j]
+        gain = np.exp(log_gain)
+        g_r, g_i = gain * np.cos(turn), gain * np.sin(turn)
+        v_r, v_i = reals[at + t], reals[at + n + t]
+        work[voltages_at + t] += g_r * v_r - g_i * v_i
+        work[voltages_at + n + t] += g_r * v_i + g_i * v_r
 
 
 @compiled_part
@@ -260,6 +297,8 @@ def _area_rhs(integers, reals, work, v, dv):
     n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(0, n_source, integers, reals, work, states, derivative)
     solve_voltages(integers, reals, work)
+    if integers[N_CAUSED] > 0:
+        _add_caused_voltages(integers, reals, work, z)
     run_calls(n_source, n_output, integers, reals, work, states, derivative)
     n_derivative = integers[N_DERIVATIVE_CALLS]
     run_calls(n_source + n_output, n_derivative, integers, reals, work, states, derivative)

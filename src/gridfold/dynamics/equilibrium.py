@@ -36,7 +36,8 @@ class Equilibrium:
 def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equilibrium:
     """Equilibrium of `model` in its network state, by Newton's method from `guess`.
 
-    The inertia-weighted mean of the rotor angles stays that of the guess.
+    The inertia-weighted mean of the rotor angles stays that of the guess, and their rate is free. An
+    infinite bus holds both: the rate is then zero.
 
     Raises
     ------
@@ -55,6 +56,7 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
         if unit in model.state.units_out
         for k in column
     ]
+    held = bool(set(model.layout.source_units) - set(model.machines) - set(model.state.units_out))
     x, rate = guess.copy(), 0.0
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
@@ -64,8 +66,11 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
         matrix[:-1, :-1] = model.jacobian(x)
         matrix[frozen, frozen] = 1.0
         matrix[:-1, -1] = -moving
-        matrix[-1, angles] = weights
-        shift = weights @ (x[angles] - guess[angles])
+        if held:
+            matrix[-1, -1], shift = 1.0, 0.0
+        else:
+            matrix[-1, angles] = weights
+            shift = float(weights @ (x[angles] - guess[angles]))
         try:
             step = np.linalg.solve(matrix, np.concatenate([residual, [shift]]))
         except np.linalg.LinAlgError:

@@ -7,13 +7,13 @@ between which the adaptive algorithm switches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.area_model import LinearArea, build_area_model
+from gridfold.dynamics.area_model import LinearArea, Outputs, build_area_model
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
@@ -87,6 +87,8 @@ class ReducedExternal:
         State of the whole system at the operating point.
     reducer : Reducer
         How it was reduced.
+    outputs : Outputs
+        How the external machines act on the study area.
     """
 
     parts: Partition
@@ -96,6 +98,7 @@ class ReducedExternal:
     area: LinearArea = field(repr=False)
     origin: NDArray[np.float64] = field(repr=False)
     reducer: Reducer
+    outputs: Outputs = Outputs.STATES
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -117,15 +120,21 @@ class ReducedExternal:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> ReducedExternal:
         """Linearized and reduced again about `point`, the equilibrium of `model`."""
-        return _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
+        moved = _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
+        return replace(moved, outputs=self.outputs)
 
     def _build(self, model: DetailedModel, corrected: Sequence[UnitKey]) -> SmallModel:
-        built = build_area_model(model, self.area, corrected, self.parts.boundary_buses)
+        built = build_area_model(
+            model, self.area, corrected, self.parts.boundary_buses, outputs=self.outputs
+        )
         return SmallModel(built, built, built.nonlinear_functions)
 
 
 def reduce_external(
-    parts: Partition, reducer: Reducer | None = None, column_norm: float = COLUMN_NORM
+    parts: Partition,
+    reducer: Reducer | None = None,
+    column_norm: float = COLUMN_NORM,
+    outputs: Outputs = Outputs.STATES,
 ) -> ReducedExternal:
     """Linearize and reduce the external area at the equilibrium.
 
@@ -137,11 +146,15 @@ def reduce_external(
         Balanced truncation to a bound of 1e-5 by default, as in the paper.
     column_norm : float
         Machines with at least this column norm (p.u.) stay nonlinear in the hybrid model.
+    outputs : Outputs
+        How the external machines act on the study area: as in the paper, or faster.
     """
     coupling = couple(parts)
     chosen = BalancedTruncation(tolerance=1e-5) if reducer is None else reducer
     start = Equilibrium(parts.model.x0, 0.0)
-    return _reduce(parts, coupling, coupling.kept(column_norm), chosen, parts.model, start)
+    kept = coupling.kept(column_norm)
+    reduced = _reduce(parts, coupling, kept, chosen, parts.model, start)
+    return replace(reduced, outputs=outputs)
 
 
 def _reduce(
@@ -157,7 +170,7 @@ def _reduce(
     if reduction.system.d.any():
         raise OptionError("a reduction with feed-through cannot stand in for an external area")
     form = modal_form(reduction.system.a)
-    a, b, states, partners = reduction.system.a, reduction.system.b, reduction.states, None
+    a, b, states, partners = reduction.system.a, reduction.system.b, reduction.state_map, None
     if form is not None:
         a, partners = np.stack([form.diagonal, form.coupling]), form.partner
         b = form.inverse @ b
