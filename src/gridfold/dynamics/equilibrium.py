@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
 from gridfold.errors import InitializationError
+from gridfold.numerics.blas import one_blas_thread
 
 _MAX_ITERATIONS = 30
 
@@ -33,6 +34,7 @@ class Equilibrium:
     rate: float
 
 
+@one_blas_thread
 def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equilibrium:
     """Equilibrium of `model` in its network state, by Newton's method from `guess`.
 
@@ -46,36 +48,35 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     """
     units = tuple(unit for unit in model.machines if unit not in model.state.units_out)
     angles = model.slots("rotor_angle", units)
-    weights = model.inertia(units) / model.inertia(units).sum()
     moving = np.zeros(model.n_states)
     moving[angles] = 1.0
-    frozen = [
-        int(k)
-        for block in model.layout.blocks
-        for unit, column in zip(block.units, block.state_index.T, strict=True)
-        if unit in model.state.units_out
-        for k in column
-    ]
-    held = bool(set(model.layout.source_units) - set(model.machines) - set(model.state.units_out))
+    condition = np.zeros(model.n_states + 1)
+    if set(model.layout.source_units) - set(model.machines) - set(model.state.units_out):
+        condition[-1] = 1.0
+    else:
+        condition[angles] = model.inertia(units) / model.inertia(units).sum()
     x, rate = guess.copy(), 0.0
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
         if np.abs(residual).max() < RESIDUAL_GOOD:
             return Equilibrium(x, rate)
-        matrix = np.zeros((model.n_states + 1,) * 2)
-        matrix[:-1, :-1] = model.jacobian(x)
-        matrix[frozen, frozen] = 1.0
-        matrix[:-1, -1] = -moving
-        if held:
-            matrix[-1, -1], shift = 1.0, 0.0
-        else:
-            matrix[-1, angles] = weights
-            shift = float(weights @ (x[angles] - guess[angles]))
+        excess = condition @ np.append(x - guess, rate)
+        matrix = np.vstack([np.column_stack([_regular_jacobian(model, x), -moving]), condition])
         try:
-            step = np.linalg.solve(matrix, np.concatenate([residual, [shift]]))
+            step = np.linalg.solve(matrix, np.append(residual, excess))
         except np.linalg.LinAlgError:
             break
-        x, rate = x - step[:-1], rate - step[-1]
+        x, rate = x - step[:-1], float(rate - step[-1])
         if not np.isfinite(x).all():
             break
     raise InitializationError("no equilibrium was found for the network after the disturbance")
+
+
+def _regular_jacobian(model: DetailedModel, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The Jacobian, with ones for the states of units that are out, whose rows are zero."""
+    matrix = model.jacobian(x)
+    for block in model.layout.blocks:
+        for unit, column in zip(block.units, block.state_index.T, strict=True):
+            if unit in model.state.units_out:
+                matrix[column, column] = 1.0
+    return matrix

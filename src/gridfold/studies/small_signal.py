@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.numerics.blas import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class SmallSignal:
         return [(self.state_names[k], float(column[k])) for k in np.argsort(-column)[:count]]
 
 
+@one_blas_thread
 def small_signal(model: DetailedModel, x: NDArray[np.float64] | None = None) -> SmallSignal:
     """Eigenvalues and participation factors at the state `x` (the equilibrium by default)."""
     jacobian = model.jacobian(model.x0 if x is None else x)

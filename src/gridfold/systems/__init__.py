@@ -1,5 +1,7 @@
 """Dynamic systems as the mathematics sees them."""
 
+from gridfold.systems.linear import LinearSystem
 from gridfold.systems.protocol import System
+from gridfold.systems.statemap import StateMap
 
-__all__ = ["System"]
+__all__ = ["LinearSystem", "StateMap", "System"]
