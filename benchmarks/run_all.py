@@ -7,6 +7,8 @@ import time
 import clearing_times
 import first_run
 import network_backends
+import reduced_models
+import second_case
 import speed
 from report import Section, machine, one_thread, write
 
@@ -17,7 +19,14 @@ def main() -> None:
     """Run everything; the clearing times get a page of their own."""
     began = time.perf_counter()
     sections: list[Section] = []
-    for measure in (speed.measure, network_backends.measure, first_run.measure):
+    measures = (
+        speed.measure,
+        network_backends.measure,
+        first_run.measure,
+        reduced_models.measure,
+        second_case.measure,
+    )
+    for measure in measures:
         sections.append(measure())
         print(sections[-1], end="\n\n", flush=True)
     print(clearing_times.main(), end="\n\n", flush=True)

@@ -24,6 +24,7 @@ from gridfold.grid.events import EVENTS
 MADE_ELSEWHERE = {
     "benchmarks": ("make bench", 2),
     "cct": ("python benchmarks/clearing_times.py", 4),
+    "reproduction": ("python benchmarks/reproduce_page.py", 2),
 }
 
 _TABLES: dict[str, type] = {

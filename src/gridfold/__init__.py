@@ -43,13 +43,19 @@ from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases, load_case
 from gridfold.io.event_records import load_events
 from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, ScipyReference
+from gridfold.partition import Partition, partition
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
+from gridfold.reduction import BalancedTruncation, ModalTruncation
+from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
 from gridfold.studies.clearing_time import (
     ClearingTime,
     critical_clearing_time,
     critical_clearing_times,
 )
+from gridfold.studies.compare import Comparison, compare
+from gridfold.studies.reduced import reduce_external, whole_system
 from gridfold.studies.simulate import simulate
+from gridfold.studies.small_models import SmallModels
 from gridfold.studies.small_signal import SmallSignal, small_signal
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import AngleReference, Trajectory
@@ -59,6 +65,7 @@ from gridfold.version import __version__
 __all__ = [
     "AdamsBashforthMoulton4",
     "AngleReference",
+    "BalancedTruncation",
     "Branch",
     "BranchFault",
     "BranchReclose",
@@ -69,6 +76,7 @@ __all__ = [
     "CaseError",
     "CaseFileError",
     "ClearingTime",
+    "Comparison",
     "Control",
     "DetailedModel",
     "DeviceRecord",
@@ -79,29 +87,38 @@ __all__ = [
     "Load",
     "LoadStep",
     "MachineTrip",
+    "ModalTruncation",
     "NetworkBackend",
     "NetworkError",
     "OptionError",
     "OutputError",
+    "Partition",
     "PowerFlowError",
     "PowerFlowResult",
     "RungeKutta4",
     "ScipyReference",
     "Shunt",
+    "SmallModels",
     "SmallSignal",
     "Status",
+    "SwitchingRule",
     "SynchronismCriterion",
     "Trajectory",
     "UnitKey",
     "__version__",
     "build_model",
     "built_in_cases",
+    "compare",
     "critical_clearing_time",
     "critical_clearing_times",
     "load_case",
     "load_events",
+    "partition",
+    "reduce_external",
     "simulate",
+    "simulate_adaptive",
     "small_signal",
     "solve_power_flow",
     "validate_case",
+    "whole_system",
 ]

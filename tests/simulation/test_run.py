@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ from gridfold.errors import OptionError
 from gridfold.numerics.compiled import compile_callback
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4
-from gridfold.simulation import Segment, run_segments
+from gridfold.numerics.watch import BandWatch
+from gridfold.simulation import Segment, run_plan, run_segments
 from gridfold.systems import System
 from gridfold.systems.status import Status
 
@@ -64,3 +65,121 @@ def test_a_segment_that_ends_before_it_starts_is_refused():
 
 def test_every_status_carries_advice():
     assert all(status.advice for status in Status)
+
+
+@dataclass(frozen=True)
+class Doubled:
+    """z = 2 x: coordinates with another scale."""
+
+    def lift(self, z):
+        return z / 2
+
+    def restrict(self, x):
+        return 2 * x
+
+
+@dataclass(frozen=True)
+class Cut:
+    """x = (z, 0.5): the second state is lost and comes back as a constant."""
+
+    def lift(self, z):
+        return np.concatenate([z, np.full_like(z, 0.5)], axis=-1)
+
+    def restrict(self, x):
+        return x[:1]
+
+
+def above(limit: float, inside: bool = False) -> BandWatch:
+    return BandWatch(np.eye(1), np.zeros(1), limit, inside)
+
+
+def test_a_segment_in_its_own_coordinates_starts_from_and_ends_in_whole_states():
+    decay = PowerLaw(-1.0, 1.0)
+    run = run_segments(
+        [Segment(decay, 1.0), Segment(decay, 2.0, coordinates=Doubled()), Segment(decay, 3.0)],
+        np.array([1.0]),
+        RungeKutta4(0.01),
+    )
+    first, middle, last = run.pieces
+    assert middle.states[0, 0] == 2 * first.states[-1, 0]
+    np.testing.assert_array_equal(middle.full_states, middle.states / 2)
+    assert last.states[0, 0] == middle.full_states[-1, 0]
+    assert last.states[-1, 0] == pytest.approx(np.exp(-3.0), rel=1e-9)
+
+
+def test_coordinates_may_have_fewer_states_than_the_whole():
+    decay = PowerLaw(-1.0, 1.0)
+    run = run_segments(
+        [Segment(decay, 1.0, coordinates=Cut())], np.array([1.0, 7.0]), RungeKutta4(0.01)
+    )
+    assert run.pieces[0].states.shape == (101, 1)
+    assert run.pieces[0].full_states.shape == (101, 2)
+    np.testing.assert_array_equal(run.pieces[0].full_states[:, 1], 0.5)
+
+
+@dataclass
+class Thermostat:
+    """Grows until 2, decays until 1, to and fro until the end; remembers what it was asked."""
+
+    t_end: float
+    asked: list[tuple[float, float]] = field(default_factory=list)
+
+    def next(self, time, x):
+        self.asked.append((time, float(x[0])))
+        if time >= self.t_end:
+            return None
+        if len(self.asked) % 2:
+            return Segment(PowerLaw(1.0, 1.0), self.t_end, "grow", switches=(above(2.0),))
+        return Segment(PowerLaw(-1.0, 1.0), self.t_end, "decay", switches=(above(1.0, True),))
+
+
+def test_a_plan_is_asked_with_time_and_state_at_every_switch():
+    plan, step = Thermostat(3.0), 0.001
+    run = run_plan(plan, np.array([1.0]), RungeKutta4(step))
+    assert run.status is Status.COMPLETED
+    labels = [piece.segment.label for piece in run.pieces]
+    assert labels == ["grow", "decay", "grow", "decay", "grow"]
+    assert len(plan.asked) == 6
+    for (time, x), piece in zip(plan.asked[1:], run.pieces, strict=True):
+        assert (time, x) == (piece.times[-1], piece.states[-1, 0])
+    # Each swing takes ln 2, and is ended at the first step beyond the limit.
+    for k, (time, x) in enumerate(plan.asked[1:-1], start=1):
+        assert k * np.log(2) <= time <= k * (np.log(2) + 2 * step)
+        assert x == pytest.approx(2.0 if k % 2 else 1.0, rel=3 * step)
+    assert plan.asked[-1][0] == 3.0
+
+
+def test_a_switch_ends_the_segment_and_a_stop_the_run():
+    growth = PowerLaw(1.0, 1.0)
+    segments = [
+        Segment(growth, 5.0, stops=(above(4.0),), switches=(above(2.0),)),
+        Segment(growth, 5.0, stops=(above(4.0),)),
+        Segment(growth, 9.0),
+    ]
+    run = run_segments(segments, np.array([1.0]), RungeKutta4(0.01))
+    assert run.status is Status.LOST_SYNCHRONISM
+    assert run.culprit == 0
+    ends = [piece.times[-1] for piece in run.pieces]
+    assert ends == [pytest.approx(0.70), pytest.approx(1.39)]
+
+
+def test_where_stop_and_switch_hold_at_the_same_step_the_run_ends():
+    segment = Segment(PowerLaw(1.0, 1.0), 5.0, stops=(above(2.0),), switches=(above(2.0),))
+    run = run_segments([segment, segment], np.array([1.0]), RungeKutta4(0.01))
+    assert run.status is Status.LOST_SYNCHRONISM
+    assert len(run.pieces) == 1
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_band_tells_whether_all_are_within_or_one_is_not(inside):
+    watch = BandWatch(np.array([[1.0, -1.0], [0.0, 2.0]]), np.array([0.5, 0.0]), 1.0, inside)
+    np.testing.assert_allclose(watch.distances(np.array([0.1, 0.2])), [0.4, 0.4])
+    assert watch.holds(np.array([0.1, 0.2])) is inside
+    assert watch.holds(np.array([0.1, 0.9])) is not inside
+    assert watch.holds(np.array([2.0, 0.2])) is not inside
+
+
+def test_a_band_that_holds_states_that_are_not_finite_is_left():
+    watch = BandWatch(np.eye(1), np.zeros(1), 1.0)
+    assert watch.holds(np.array([np.nan]))
+    assert not BandWatch(np.eye(1), np.zeros(1), 1.0, inside=True).holds(np.array([np.nan]))

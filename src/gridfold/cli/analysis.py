@@ -10,14 +10,26 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from gridfold.cli.choice import ModelChoice, StudyArea
 from gridfold.cli.console import (
+    AngleDegOption,
     AngleLimitOption,
     CaseArgument,
+    ColumnNormOption,
     EndOption,
     JsonOption,
+    LongestAboveOption,
     Method,
     MethodOption,
+    ModelKind,
+    ModelOption,
+    OrderOption,
+    ReducedFileOption,
     StepOption,
+    StudyAreasOption,
+    StudyBusesOption,
+    StudyZonesOption,
+    ToleranceOption,
     err,
     make_stepper,
     out,
@@ -40,6 +52,7 @@ from gridfold.report.tables import (
     model_facts,
 )
 from gridfold.studies.clearing_time import ClearingTime, critical_clearing_times
+from gridfold.studies.simulate import simulate
 from gridfold.studies.small_signal import SmallSignal, small_signal
 from gridfold.studies.synchronism import SynchronismCriterion
 
@@ -129,6 +142,16 @@ def cct(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
     ] = None,
+    model: ModelOption = ModelKind.DETAILED,
+    study_buses: StudyBusesOption = None,
+    study_areas: StudyAreasOption = None,
+    study_zones: StudyZonesOption = None,
+    column_norm: ColumnNormOption = None,
+    tolerance: ToleranceOption = None,
+    order: OrderOption = None,
+    angle_deg: AngleDegOption = None,
+    longest_above: LongestAboveOption = None,
+    reduced: ReducedFileOption = None,
     json: JsonOption = None,
 ) -> None:
     """Critical clearing times of three-phase faults at buses, on all cores.
@@ -137,10 +160,15 @@ def cct(
 
     Example: gridfold cct npcc --buses 1-36 --json cct.json
     """
+    area = StudyArea(study_buses, study_areas, study_zones)
+    choice = ModelChoice(
+        model, area, column_norm, order, tolerance, angle_deg, longest_above, reduced
+    )
     faults = [BusFault(bus) for bus in parse_buses(buses)]
     stepper = make_stepper(method, step)
     criterion = SynchronismCriterion(angle_limit)
-    model = build_model(load_case(case))
+    grid = build_model(load_case(case))
+    simulator = choice.build(grid, case) or simulate
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -150,7 +178,7 @@ def cct(
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task("clearing times", total=len(faults))
         times = critical_clearing_times(
-            model,
+            grid,
             faults,
             workers,
             on_done=lambda _: progress.advance(task),
@@ -159,11 +187,14 @@ def cct(
             t_end=t_end,
             stepper=stepper,
             criterion=criterion,
+            simulator=simulator,
         )
-    write_json_option(json, [_clearing_record(item) for item in times])
+    write_json_option(json, [_clearing_record(item) | {"model": model.value} for item in times])
     if speaks_to_people(json):
         out.print(clearing_table(times))
-        out.print(f"Synchronism is lost at {criterion}; runs of {t_end:g} s.")
+        out.print(
+            f"Synchronism is lost at {criterion}; runs of {t_end:g} s on the {model.value} model."
+        )
 
 
 def _clearing_record(item: ClearingTime) -> dict[str, Any]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 
 import typer
+from threadpoolctl import threadpool_limits
 
-from gridfold.cli import analysis, run
+from gridfold.cli import analysis, reduced, run
+from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
+from gridfold.cli.reproduce import reproduce
 from gridfold.errors import GridfoldError
 from gridfold.version import __version__
 
@@ -25,6 +28,10 @@ app.command("simulate")(run.simulate)
 app.command("info")(analysis.info)
 app.command("eigenvalues")(analysis.eigenvalues)
 app.command("cct")(analysis.cct)
+app.command("partition")(reduced.partition)
+app.command("reduce")(reduced.reduce)
+app.command("calibrate")(calibrate)
+app.command("reproduce")(reproduce)
 
 
 def _show_version(wanted: bool) -> None:
@@ -45,7 +52,8 @@ def _options(
 def main() -> None:
     """Run the command; bad input ends it with a message and exit code 2, without a traceback."""
     try:
-        app()
+        with threadpool_limits(limits=1, user_api="blas"):
+            app()
     except GridfoldError as error:
         err.print(f"gridfold: error: {error}", style="red", markup=False, highlight=False)
         sys.exit(ExitCode.BAD_INPUT)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum, IntEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -57,6 +57,62 @@ AngleLimitOption = Annotated[
 JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
 
 
+class ModelKind(Enum):
+    """Which model is simulated."""
+
+    DETAILED = "detailed"
+    LINEAR = "linear"
+    PROJECTED = "projected"
+    HYBRID = "hybrid"
+    ADAPTIVE = "adaptive"
+    WHOLE = "whole"
+
+
+ModelOption = Annotated[
+    ModelKind,
+    typer.Option(
+        help="The detailed model; the external area linear, projected (all its functions as they "
+        "are), hybrid, or adaptive; whole: adaptive without partition."
+    ),
+]
+StudyBusesOption = Annotated[
+    str | None,
+    typer.Option(help="Buses of the study area, such as 1-36.", show_default="npcc: area 1"),
+]
+StudyAreasOption = Annotated[str | None, typer.Option(help="Areas in the study area.")]
+StudyZonesOption = Annotated[str | None, typer.Option(help="Zones in the study area.")]
+ColumnNormOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Column norm (p.u.) from which functions stay nonlinear.", show_default="1.0"
+    ),
+]
+ToleranceOption = Annotated[
+    float | None,
+    typer.Option(help="Bound of the balanced truncation's error.", show_default="1e-5"),
+]
+OrderOption = Annotated[
+    int | None, typer.Option(help="States of the reduced external area, instead of a tolerance.")
+]
+AngleDegOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Angle deviation (deg) above which the hybrid model is used.",
+        show_default="67; whole 6",
+    ),
+]
+LongestAboveOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Time (s) above it after which the operating point is looked for anew.",
+        show_default="5",
+    ),
+]
+ReducedFileOption = Annotated[
+    Path | None, typer.Option("--reduced", help="Reduced external area from gridfold reduce.")
+]
+
+
 def exit_code(status: Status) -> ExitCode:
     """Exit code that tells how a run ended."""
     return {
@@ -72,18 +128,29 @@ def make_stepper(method: Method, step: float | None) -> Stepper:
     return RungeKutta4() if step is None else RungeKutta4(step)
 
 
-def parse_buses(text: str) -> list[int]:
-    """Bus numbers from text such as ``1-36,78``."""
+def parse_buses(text: str, what: str = "buses") -> list[int]:
+    """Numbers of buses, or of `what`, from text such as ``1-36,78``."""
     numbers: list[int] = []
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
         if match is None:
-            raise OptionError(f"buses are given as 3,7 or 1-36, not {part.strip()!r} in {text!r}")
+            raise OptionError(f"{what} are given as 3,7 or 1-36, not {part.strip()!r} in {text!r}")
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
             raise OptionError(f"the range {part.strip()!r} ends before it starts")
         numbers += range(first, last + 1)
     return list(dict.fromkeys(numbers))
+
+
+def as_ranges(numbers: Iterable[int]) -> str:
+    """Numbers as text such as ``1-36,78``, in ascending order."""
+    ranges: list[list[int]] = []
+    for number in sorted(numbers):
+        if ranges and number == ranges[-1][1] + 1:
+            ranges[-1][1] = number
+        else:
+            ranges.append([number, number])
+    return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in ranges)
 
 
 def write_json_option(path: str | None, data: Mapping[str, Any] | list[Any]) -> None:

@@ -10,21 +10,34 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from gridfold.cli.choice import ModelChoice, StudyArea
 from gridfold.cli.console import (
     EXIT_CODES,
+    AngleDegOption,
     AngleLimitOption,
     CaseArgument,
+    ColumnNormOption,
     EndOption,
     JsonOption,
+    LongestAboveOption,
     Method,
     MethodOption,
+    ModelKind,
+    ModelOption,
+    OrderOption,
+    ReducedFileOption,
     StepOption,
+    StudyAreasOption,
+    StudyBusesOption,
+    StudyZonesOption,
+    ToleranceOption,
     exit_code,
     make_stepper,
     out,
     speaks_to_people,
     write_json_option,
 )
+from gridfold.cli.outcome import Disturbance, ranked
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import NetworkBackend
 from gridfold.errors import OptionError
@@ -48,7 +61,10 @@ from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
 from gridfold.systems.status import Status
 
-_SIMULATE_HELP = f"""Simulate a disturbance on the detailed model of CASE.
+#: Machines with the largest errors that a picture shows in colour.
+_DRAWN = 6
+
+_SIMULATE_HELP = f"""Simulate a disturbance on the detailed or a reduced model of CASE.
 
 Examples:
 
@@ -57,6 +73,8 @@ Examples:
   gridfold simulate npcc --event "branch-fault branch=3-2 duration=0.1" --plot run.png
 
   gridfold simulate npcc --events events.toml --t-end 20 --method abm4 --json -
+
+  gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
 
 {EXIT_CODES}
 """
@@ -118,6 +136,19 @@ def simulate(
         bool, typer.Option("--no-watch", help="Go on after loss of synchronism.")
     ] = False,
     network: Annotated[NetworkBackend, typer.Option(help="Network solver.")] = NetworkBackend.AUTO,
+    model: ModelOption = ModelKind.DETAILED,
+    study_buses: StudyBusesOption = None,
+    study_areas: StudyAreasOption = None,
+    study_zones: StudyZonesOption = None,
+    column_norm: ColumnNormOption = None,
+    tolerance: ToleranceOption = None,
+    order: OrderOption = None,
+    angle_deg: AngleDegOption = None,
+    longest_above: LongestAboveOption = None,
+    reduced: ReducedFileOption = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Errors against a detailed run of the same.")
+    ] = False,
     csv: Annotated[Path | None, typer.Option(help="Write the curves as CSV.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Write the curves as Parquet.")] = None,
     npz: Annotated[Path | None, typer.Option(help="Write all states as a NumPy archive.")] = None,
@@ -139,18 +170,29 @@ def simulate(
     criterion = None if no_watch else SynchronismCriterion(angle_limit)
     for picture in plot or []:
         check_format(picture)
-    model = build_model(load_case(case), backend=network)
+    area = StudyArea(study_buses, study_areas, study_zones)
+    choice = ModelChoice(
+        model, area, column_norm, order, tolerance, angle_deg, longest_above, reduced
+    )
+    if compare and model is ModelKind.DETAILED:
+        raise OptionError("--compare needs a reduced model, see --model")
+    grid = build_model(load_case(case), backend=network)
     ready = time.perf_counter()
-    run = run_simulation(model, happenings, t_end, stepper, criterion)
+    task = Disturbance(grid, happenings, t_end, stepper, criterion)
+    result = task.solve(choice.build(grid, case), compare)
+    run, comparison = result.run, result.comparison
     names = [name.strip() for name in signals.split(",") if name.strip()]
     _write(run, csv, parquet, npz, names)
+    worst = [] if comparison is None else ranked(comparison)[:_DRAWN]
     for picture in plot or []:
-        plot_trajectory(run, picture)
+        plot_trajectory(run, picture, [error.unit for error in worst], result.detailed)
     summary = summarize(run)
-    write_json_option(json, _run_record(run, summary, ready - began + run.setup_seconds))
+    record = _run_record(run, summary, ready - began + run.setup_seconds)
+    write_json_option(json, record | result.record())
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
+        result.show()
     raise typer.Exit(exit_code(run.status))
 
 

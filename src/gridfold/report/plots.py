@@ -22,10 +22,16 @@ _NAMED = 6
 _FAULT_SHADE = "#f4d9c6"
 
 
-def plot_trajectory(run: Trajectory, path: Path, named: Sequence[UnitKey] = ()) -> None:
+def plot_trajectory(
+    run: Trajectory,
+    path: Path,
+    named: Sequence[UnitKey] = (),
+    detailed: Trajectory | None = None,
+) -> None:
     """Rotor angles against the centre of inertia, speeds and voltages of a run.
 
     `named` are the machines drawn in colour; by default those that swing most. Shaded: fault on.
+    Rotor angles and speeds of these machines in a `detailed` run are added as dashed lines.
     """
     units = list(named) or [swing.unit for swing in summarize(run).swings[:_NAMED]]
     figure = new_figure(10, 10)
@@ -33,6 +39,10 @@ def plot_trajectory(run: Trajectory, path: Path, named: Sequence[UnitKey] = ()) 
     coi = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
     _draw_machines(angle, run, coi, units)
     _draw_machines(speed, run, run.signal("speed"), units)
+    if detailed is not None:
+        relative = detailed.rotor_angle_deg(units, AngleReference.CENTRE_OF_INERTIA)
+        _draw_dashed(angle, detailed.times, relative)
+        _draw_dashed(speed, detailed.times, detailed.signal("speed", units))
     magnitude = np.abs(run.bus_voltage())
     _draw_background(voltage, run.times, magnitude)
     buses = list(dict.fromkeys(unit.bus for unit in units))
@@ -50,7 +60,8 @@ def plot_trajectory(run: Trajectory, path: Path, named: Sequence[UnitKey] = ()) 
     angle.legend(loc="upper right", ncols=3, fontsize="small", title="machine (BUS:ID)")
     voltage.legend(loc="lower right", ncols=3, fontsize="small")
     what = "; ".join(f"{notice.time:g} s: {notice.text}" for notice in run.notices[:4])
-    angle.set_title(f"{run.model.case.name}: {run.status.value}\n{what}", fontsize="medium")
+    title = f"{run.model.case.name}, {run.simulated.name} model: {run.status.value}"
+    angle.set_title(f"{title}\n{what}", fontsize="medium")
     save_figure(figure, path)
 
 
@@ -84,6 +95,13 @@ def _draw_machines(
     for color, unit in zip(PALETTE, units, strict=False):
         column = run.model.machines.index(unit)
         axes.plot(run.times, values[:, column], color=color, linewidth=1.3, label=str(unit))
+
+
+def _draw_dashed(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """The detailed run, for the machines in colour."""
+    for k, column in enumerate(values.T[: len(PALETTE)]):
+        label = "detailed run" if k == 0 else None
+        axes.plot(times, column, color="#000000", linewidth=0.7, linestyle="--", label=label)
 
 
 def _draw_background(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:

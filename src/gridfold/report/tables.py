@@ -8,11 +8,18 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.grid.case import Case
+from gridfold.grid.case import Case, UnitKey
+from gridfold.partition import Coupling, Partition
+from gridfold.studies.adaptive import Switch
 from gridfold.studies.clearing_time import ClearingTime
+from gridfold.studies.compare import Comparison
+from gridfold.studies.reduced import ReducedExternal
 from gridfold.studies.small_signal import SmallSignal
 from gridfold.studies.summary import Summary
 from gridfold.studies.trajectory import Trajectory
+
+#: Nonlinear functions of a generator as the paper counts them (Osipov & Sun, section III.A).
+FUNCTIONS_PER_GENERATOR = 4
 
 
 def facts_table(facts: Mapping[str, str]) -> Table:
@@ -157,4 +164,99 @@ def clearing_table(times: Sequence[ClearingTime]) -> Table:
         table.add_row(
             str(getattr(item.fault, "bus", "")), f"{mark}{item.seconds:g}", str(item.runs)
         )
+    return table
+
+
+def partition_facts(
+    parts: Partition, coupling: Coupling, threshold: float, buses: str
+) -> dict[str, str]:
+    """What both areas consist of; `buses` is the study area as text."""
+    per, kept = FUNCTIONS_PER_GENERATOR, coupling.kept(threshold)
+    external, whole = len(parts.external_units), len(parts.study_units) + len(parts.external_units)
+    linear = per * (external - len(kept))
+    boundary = ", ".join(map(str, parts.boundary_buses))
+    inside = len(parts.study_buses)
+    outside = len(parts.model.case.buses) - inside
+    return {
+        "Study area": f"buses {buses} ({inside}), {_area_size(parts, parts.study_units)}",
+        "External area": f"{outside} buses, {_area_size(parts, parts.external_units)}",
+        "Boundary buses": boundary,
+        "Threshold": f"column norm {threshold:g} p.u., {coupling.siemens(threshold):g} S at 20 kV",
+        "Kept nonlinear": ", ".join(map(str, kept)) or "none",
+        "Linearized": f"{external - len(kept)} machines: {linear} of {per * external} functions, "
+        f"or of {per * whole} without partition ({per} a generator)",
+        "Reference machine": str(coupling.reference),
+    }
+
+
+def _area_size(parts: Partition, units: Sequence[UnitKey]) -> str:
+    return f"{len(units)} machines, {len(parts.states_of(units))} states"
+
+
+def tie_table(parts: Partition) -> Table:
+    """The branches between the areas."""
+    table = Table(title="Tie lines", title_justify="left")
+    for name in ("branch", "study bus", "external bus"):
+        table.add_column(name, justify="right")
+    for tie in parts.tie_lines:
+        branch = str(parts.model.case.branches[tie.branch]).removeprefix("branch ")
+        table.add_row(branch, str(tie.study_bus), str(tie.external_bus))
+    return table
+
+
+def norm_table(coupling: Coupling, threshold: float) -> Table:
+    """Column norms of the external machines, the largest first."""
+    table = Table(title="Column norms of the external machines", title_justify="left")
+    for name in ("machine", "norm (p.u.)", "at 20 kV (S)"):
+        table.add_column(name, justify="right")
+    table.add_column("functions")
+    kept = set(coupling.kept(threshold))
+    pairs = zip(coupling.norms.tolist(), coupling.units, strict=True)
+    for norm, unit in sorted(pairs, reverse=True):
+        what = "kept" if unit in kept else "linearized"
+        table.add_row(str(unit), f"{norm:.4g}", f"{coupling.siemens(norm):.4g}", what)
+    return table
+
+
+def reduction_facts(
+    family: ReducedExternal, threshold: float, buses: str, seconds: float, shown: int = 8
+) -> dict[str, str]:
+    """Order, bound and singular values of a reduced external area."""
+    reduction = family.reduction
+    values = [] if reduction.hankel_values is None else reduction.hankel_values[:shown].tolist()
+    kept = ", ".join(map(str, family.kept)) or "none"
+    bound = "none" if reduction.bound is None else f"{reduction.bound:.3e}"
+    return {
+        "Study area": f"buses {buses}",
+        "External area": f"{len(family.area.index)} states, reduced to {reduction.order}",
+        "Reducer": str(family.reducer),
+        "Error bound": bound,
+        "Hankel singular values": ", ".join(f"{value:.3g}" for value in values) or "none",
+        "Kept nonlinear": f"{kept} (column norm from {threshold:g} p.u.)",
+        "Time": f"{seconds:.2f} s",
+    }
+
+
+def switch_table(switches: Sequence[Switch]) -> Table:
+    """The log of switches between models."""
+    table = Table(title="Models", title_justify="left")
+    table.add_column("time (s)", justify="right")
+    table.add_column("model")
+    table.add_column("why", overflow="fold")
+    table.add_column("jump (deg)", justify="right")
+    for switch in switches:
+        table.add_row(
+            f"{switch.time:g}", switch.after.value, switch.reason, f"{switch.jump_deg:.1e}"
+        )
+    return table
+
+
+def error_table(comparison: Comparison) -> Table:
+    """Errors of rotor angles against the detailed run, the largest first."""
+    table = Table(title="Rotor-angle errors against the detailed run (deg)", title_justify="left")
+    for name in ("machine", "RMS", "largest", "RMS against the centre of inertia"):
+        table.add_column(name, justify="right")
+    for error in sorted(comparison.units, key=lambda item: -item.rms_deg):
+        values = (error.rms_deg, error.largest_deg, error.relative_rms_deg)
+        table.add_row(str(error.unit), *(f"{value:.3f}" for value in values))
     return table

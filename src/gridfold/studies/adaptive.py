@@ -10,38 +10,29 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.errors import InitializationError, OptionError
+from gridfold.errors import OptionError
 from gridfold.grid.events import Event
-from gridfold.grid.network_state import NetworkState
 from gridfold.grid.timeline import Stage
+from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import RungeKutta4, Stepper
-from gridfold.numerics.watch import BandWatch
 from gridfold.simulation.run import run_plan
-from gridfold.simulation.segment import Coordinates, Segment
+from gridfold.simulation.segment import Segment
+from gridfold.studies.angle_watches import deviation_rows, watched_segment
 from gridfold.studies.notices import stage_notices
 from gridfold.studies.reduced import ModelFamily, SmallModel
 from gridfold.studies.simulate import ModelStore, SimulationPlan, plan_simulation
-from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion, angle_frame
+from gridfold.studies.small_models import Mode, SmallModels
+from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
 
 #: Times closer than this (s) are one instant.
 _INSTANT = 1e-9
-
-
-class Mode(Enum):
-    """Which model is in use."""
-
-    DETAILED = "detailed"
-    HYBRID = "hybrid"
-    LINEAR = "linear"
 
 
 class Switch(NamedTuple):
@@ -97,57 +88,6 @@ class AdaptiveRun:
     reduction_seconds: float
 
 
-class SmallModels:
-    """Linear and hybrid models by network state, about the operating point that belongs to it.
-
-    Hand the same store to several runs to build each model once.
-    """
-
-    def __init__(self, family: ModelFamily):
-        self.family = family
-        self._families: dict[tuple[object, ...], ModelFamily | None] = {(): family}
-        self._models: dict[tuple[NetworkState, Mode], SmallModel] = {}
-        self.seconds = 0.0
-
-    def family_for(self, model: DetailedModel) -> ModelFamily | None:
-        """The family about the equilibrium of the network state; None if there is no equilibrium."""
-        key = _topology(model)
-        if key not in self._families:
-            began = clock.perf_counter()
-            try:
-                point = find_equilibrium(model, self.family.origin)
-                self._families[key] = self.family.moved(model, point)
-            except InitializationError:
-                self._families[key] = None
-            self.seconds += clock.perf_counter() - began
-        return self._families[key]
-
-    def get(self, model: DetailedModel, mode: Mode) -> SmallModel | None:
-        """The small model of `mode` in the network state of `model`."""
-        key = (model.state, mode)
-        if key not in self._models:
-            family = self.family_for(model)
-            if family is None:
-                return None
-            began = clock.perf_counter()
-            build = family.linear if mode is Mode.LINEAR else family.hybrid
-            self._models[key] = build(model)
-            self.seconds += clock.perf_counter() - began
-        return self._models[key]
-
-
-def _topology(model: DetailedModel) -> tuple[object, ...]:
-    """What moves the equilibrium: nothing for the intact network, faults aside."""
-    state = model.state
-    if (state.branches_out, state.units_out, state.load_steps) == (
-        model.case.branches_out,
-        frozenset(),
-        (),
-    ):
-        return ()
-    return (state.branches_out, state.units_out, state.load_steps)
-
-
 @dataclass
 class AdaptivePlan:
     """Says which model comes next, and keeps the log."""
@@ -175,7 +115,7 @@ class AdaptivePlan:
         self._log(time, mode, reason, small, x, model)
         self.models.append(model)
         label = f"{stage.label} ({mode.value})"
-        return _segment(model, small, end, label, self._watch(model, mode), self.criterion)
+        return watched_segment(model, small, end, label, self._watch(model, mode), self.criterion)
 
     def _stage(self, time: float) -> tuple[Stage, DetailedModel, float]:
         now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
@@ -190,9 +130,9 @@ class AdaptivePlan:
         family = self.small.family_for(model)
         if family is None:
             return Mode.DETAILED, "there is no equilibrium to linearize about"
-        deviation = np.rad2deg(np.abs(_deviation_matrix(model, family) @ (x - family.origin)))
+        deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
         worst = float(deviation.max(initial=0.0))
-        if worst <= self.rule.angle_deg:
+        if worst <= self.rule.angle_deg and self.rule.angle_deg > 0:
             self.above_since, self.looked = None, False
             return (
                 Mode.LINEAR,
@@ -213,9 +153,9 @@ class AdaptivePlan:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None:
         """Condition that ends the segment: rows, origin, limit in rad, and whether inside."""
         family = self.small.family_for(model)
-        if mode is Mode.DETAILED or family is None:
+        if mode is Mode.DETAILED or family is None or self.rule.angle_deg == 0:
             return None
-        rows = _deviation_matrix(model, family)
+        rows = deviation_rows(model, family)
         limit = float(np.deg2rad(self.rule.angle_deg))
         return rows, -rows @ family.origin, limit, mode is Mode.HYBRID
 
@@ -239,6 +179,7 @@ class AdaptivePlan:
         self.switches.append(Switch(time, before, mode, reason, jump))
 
 
+@one_blas_thread
 def simulate_adaptive(
     model: DetailedModel,
     family: ModelFamily | SmallModels,
@@ -287,68 +228,3 @@ def simulate_adaptive(
         simulation_seconds=done - ready - reduction,
     )
     return AdaptiveRun(trajectory, tuple(plan.switches), reduction)
-
-
-def _deviation_matrix(model: DetailedModel, family: ModelFamily) -> NDArray[np.float64]:
-    """Rows that give each study machine's rotor angle against the reference machine."""
-    units = [unit for unit in family.study_units if unit in model.machines]
-    units = [unit for unit in units if unit not in model.state.units_out]
-    rows = np.zeros((len(units), model.n_states))
-    rows[np.arange(len(units)), model.slots("rotor_angle", tuple(units))] = 1.0
-    rows[:, model.slots("rotor_angle", (family.reference_unit,))] -= 1.0
-    return rows
-
-
-def _segment(
-    model: DetailedModel,
-    small: SmallModel | None,
-    end: float,
-    label: str,
-    switch: tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None,
-    criterion: SynchronismCriterion | None,
-) -> Segment:
-    """A segment with its watches, in the coordinates of its system."""
-    if small is None:
-        stops = () if criterion is None else (criterion.watch(model),)
-        return Segment(model, end, label, stops)
-    stop_watches: tuple[BandWatch, ...] = ()
-    if criterion is not None:
-        rows, offset = _spread_rows(model)
-        limit = float(np.deg2rad(criterion.limit_deg))
-        stop_watches = (_band(small.coordinates, model, rows, offset, limit, inside=False),)
-    switches: tuple[BandWatch, ...] = ()
-    if switch is not None:
-        rows, offset, limit, inside = switch
-        switches = (_band(small.coordinates, model, rows, offset, limit, inside),)
-    return Segment(small.system, end, label, stop_watches, switches, small.coordinates)
-
-
-def _spread_rows(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distances from the island's reference as rows and offsets over the whole system's states."""
-    frame = angle_frame(model)
-    rows = np.zeros((len(frame.units), model.n_states))
-    offset = np.zeros(len(frame.units))
-    rows[np.arange(len(frame.units)), frame.slots] = 1.0
-    for island, fixed in enumerate(frame.fixed):
-        members = np.flatnonzero(frame.island == island)
-        if np.isnan(fixed):
-            weights = frame.inertia[members] / frame.inertia[members].sum()
-            rows[np.ix_(members, frame.slots[members])] -= weights
-        else:
-            offset[members] -= fixed
-    return rows, offset
-
-
-def _band(
-    coordinates: Coordinates,
-    model: DetailedModel,
-    rows: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    limit: float,
-    inside: bool,
-) -> BandWatch:
-    """A band over the whole system's states as one over the small system's."""
-    size = len(coordinates.restrict(model.x0))
-    origin = coordinates.lift(np.zeros(size))
-    slopes = coordinates.lift(np.eye(size)) - origin
-    return BandWatch(rows @ slopes.T, rows @ origin + offset, limit, inside)

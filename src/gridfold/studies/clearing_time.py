@@ -7,19 +7,37 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
-from gridfold.grid.events import BranchFault, BusFault
+from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.numerics.steppers import Stepper
 from gridfold.studies.simulate import ModelStore, simulate
 from gridfold.studies.synchronism import DEFAULT_CRITERION, SynchronismCriterion
+from gridfold.studies.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 Fault = BusFault | BranchFault
 
 #: First clearing time that is tried, in seconds.
 _FIRST_TRY = 0.16
+
+
+class Simulator(Protocol):
+    """Simulates a disturbance on some model of the system; :func:`gridfold.simulate` is one."""
+
+    def __call__(
+        self,
+        model: DetailedModel,
+        events: Sequence[Event],
+        t_end: float,
+        stepper: Stepper | None,
+        criterion: SynchronismCriterion | None,
+        store: ModelStore | None,
+        /,
+    ) -> Trajectory:
+        """Simulate; arguments as in :func:`gridfold.simulate`."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +70,7 @@ def critical_clearing_time(
     t_end: float = 16.0,
     stepper: Stepper | None = None,
     criterion: SynchronismCriterion = DEFAULT_CRITERION,
+    simulator: Simulator = simulate,
 ) -> ClearingTime:
     """Largest clearing time, on a grid, for which no machine loses synchronism.
 
@@ -74,6 +93,8 @@ def critical_clearing_time(
         Integration rule; Runge-Kutta of order 4 with 0.01 s by default.
     criterion : SynchronismCriterion
         When synchronism counts as lost.
+    simulator : callable
+        What simulates a disturbance; the detailed model by default.
     """
     for name, value in (("resolution", resolution), ("longest", longest), ("t_end", t_end)):
         if not (math.isfinite(value) and value > 0):
@@ -89,7 +110,7 @@ def critical_clearing_time(
     def stable(steps: int) -> bool:
         if steps not in outcomes:
             event = replace(fault, duration=steps * resolution)
-            run = simulate(model, [event], fault.start + t_end, stepper, criterion, store)
+            run = simulator(model, [event], fault.start + t_end, stepper, criterion, store)
             outcomes[steps] = run.status is Status.COMPLETED
         return outcomes[steps]
 

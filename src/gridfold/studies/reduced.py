@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -38,6 +39,13 @@ class SmallModel:
     system: System
     coordinates: Coordinates
     nonlinear_functions: int
+
+    @cached_property
+    def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The whole system's states as origin + v @ slopes: shapes (n_states,) and (r, n_states)."""
+        size = self.system.compiled.n_states
+        origin = self.coordinates.lift(np.zeros(size))
+        return origin, self.coordinates.lift(np.eye(size)) - origin
 
 
 class ModelFamily(Protocol):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,13 @@ class AngleReference(Enum):
     CENTRE_OF_INERTIA = "coi"
 
 
+class UsedModel(NamedTuple):
+    """Which model was simulated: its name, and its settings, ready for JSON."""
+
+    name: str
+    settings: Mapping[str, Any]
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Times, states and outputs of a run.
@@ -57,6 +64,8 @@ class Trajectory:
         What was asked for and what it led to.
     setup_seconds, simulation_seconds : float
         Time spent on the networks of the stages, and on integration.
+    used_model : UsedModel, optional
+        Which model was simulated, for the metadata; by default told from the pieces alone.
     """
 
     model: DetailedModel = field(repr=False)
@@ -69,6 +78,13 @@ class Trajectory:
     t_end: float
     setup_seconds: float
     simulation_seconds: float
+    used_model: UsedModel | None = None
+
+    @property
+    def simulated(self) -> UsedModel:
+        """Which model was simulated: ``"detailed"``, ``"reduced"``, or as `used_model` says."""
+        small = any(piece.segment.coordinates is not None for piece in self.run.pieces)
+        return self.used_model or UsedModel("reduced" if small else "detailed", {})
 
     @property
     def status(self) -> Status:
@@ -206,7 +222,8 @@ class Trajectory:
             "numpy": np.__version__,
             "case": case.name,
             "fingerprint": case.fingerprint,
-            "model": "detailed",
+            "model": self.simulated.name,
+            "model_settings": dict(self.simulated.settings),
             "network_backend": self.model.backend.value,
             "events": [event_record(event) for event in self.events],
             "t_end": self.t_end,

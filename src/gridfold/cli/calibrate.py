@@ -1,0 +1,272 @@
+"""The command that calibrates thresholds."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
+from rich.table import Table
+
+from gridfold.cli.choice import StudyArea
+from gridfold.cli.console import (
+    AngleLimitOption,
+    CaseArgument,
+    EndOption,
+    ExitCode,
+    JsonOption,
+    Method,
+    MethodOption,
+    StepOption,
+    StudyAreasOption,
+    StudyBusesOption,
+    StudyZonesOption,
+    as_ranges,
+    err,
+    make_stepper,
+    out,
+    parse_buses,
+    speaks_to_people,
+    write_json_option,
+)
+from gridfold.dynamics.model import DetailedModel, build_model
+from gridfold.grid.events import BusFault, Event
+from gridfold.io.case_folder import load_case
+from gridfold.io.event_records import event_record, parse_event
+from gridfold.numerics.steppers import Stepper
+from gridfold.partition import Partition, partition
+from gridfold.studies.calibrate import Calibration, Threshold, ThresholdKind
+from gridfold.studies.calibrate import calibrate as run_calibration
+from gridfold.studies.clearing_time import critical_clearing_times
+from gridfold.studies.contingency_errors import AngleError, Contingency
+from gridfold.studies.contingency_errors import Progress as Step
+from gridfold.studies.synchronism import SynchronismCriterion
+
+
+class ThresholdChoice(Enum):
+    """Thresholds by name."""
+
+    COLUMN_NORM = "column-norm"
+    PARTITIONED = "partitioned"
+    WHOLE = "whole"
+
+
+_KINDS = {choice: ThresholdKind[choice.name] for choice in ThresholdChoice}
+
+
+def calibrate(
+    case: CaseArgument,
+    study_buses: StudyBusesOption = None,
+    study_areas: StudyAreasOption = None,
+    study_zones: StudyZonesOption = None,
+    buses: Annotated[
+        str | None,
+        typer.Option(
+            help="Buses with a fault, cleared at its own critical clearing time.",
+            show_default="those of the study area, unless there is an --event",
+        ),
+    ] = None,
+    event: Annotated[
+        list[str] | None,
+        typer.Option(help='Contingency as "KIND NAME=VALUE ..."; each --event is one of its own.'),
+    ] = None,
+    limit: Annotated[float, typer.Option(help="Limit of the RMS rotor-angle errors (deg).")] = 6.0,
+    threshold: Annotated[
+        list[ThresholdChoice] | None,
+        typer.Option(help="What to calibrate; may be repeated.", show_default="all three"),
+    ] = None,
+    column_norm: Annotated[
+        float | None,
+        typer.Option(help="Column norm (p.u.) for the angles.", show_default="the calibrated one"),
+    ] = None,
+    t_end: EndOption = 16.0,
+    step: StepOption = None,
+    method: MethodOption = Method.RK4,
+    angle_limit: AngleLimitOption = 180.0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Find the thresholds with which all rotor-angle errors in the study area stay below a limit.
+
+    Exit code 1: a threshold was not found, because even its lowest value does not satisfy.
+
+    Example: gridfold calibrate npcc --study-buses 1-36 --buses 1-36 --limit 6
+    """
+    stepper = make_stepper(method, step)
+    criterion = SynchronismCriterion(angle_limit)
+    events = [parse_event(text) for text in event or []]
+    faulted = None if buses is None else parse_buses(buses)
+    model = build_model(load_case(case))
+    area = StudyArea(study_buses, study_areas, study_zones)
+    parts = partition(model, area.find(model.case, case))
+    if faulted is None:
+        faulted = [] if events else sorted(parts.study_buses)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        bars = _Bars(progress)
+        result = run_calibration(
+            parts,
+            [*_critical(model, faulted, t_end, stepper, criterion, workers, bars), *events],
+            t_end,
+            stepper,
+            limit_deg=limit,
+            what=[_KINDS[choice] for choice in threshold or ThresholdChoice],
+            column_norm=column_norm,
+            criterion=criterion,
+            workers=workers,
+            on_progress=bars.show,
+        )
+    write_json_option(json, _record(parts, result))
+    if speaks_to_people(json):
+        _print(result)
+    if any(found.value is None for found in result.thresholds.values()):
+        raise typer.Exit(ExitCode.FAILED)
+
+
+class _Bars:
+    """One bar for each stage."""
+
+    def __init__(self, progress: Progress):
+        self.progress = progress
+        self._tasks: dict[str, TaskID] = {}
+
+    def show(self, step: Step) -> None:
+        """Show how far a stage is."""
+        if step.stage not in self._tasks:
+            self._tasks[step.stage] = self.progress.add_task(step.stage)
+        self.progress.update(self._tasks[step.stage], completed=step.done, total=step.total)
+
+
+def _critical(
+    model: DetailedModel,
+    buses: list[int],
+    t_end: float,
+    stepper: Stepper,
+    criterion: SynchronismCriterion,
+    workers: int | None,
+    bars: _Bars,
+) -> list[Event]:
+    """Faults at buses with their critical clearing times."""
+    if not buses:
+        return []
+    done: list[object] = []
+
+    def advance(item: object) -> None:
+        done.append(item)
+        bars.show(Step("clearing times", len(done), len(buses)))
+
+    times = critical_clearing_times(
+        model,
+        [BusFault(bus) for bus in buses],
+        workers,
+        advance,
+        longest=min(2.0, t_end / 2),
+        t_end=t_end,
+        stepper=stepper,
+        criterion=criterion,
+    )
+    return [item.fault for item in times]
+
+
+def _print(result: Calibration) -> None:
+    table = Table(title="Thresholds", title_justify="left")
+    for name in ("threshold of", "value", "worst error", "the value before failed at", "runs", "s"):
+        table.add_column(name, overflow="fold")
+    for found in result.thresholds.values():
+        table.add_row(
+            found.kind.value,
+            _value(result, found),
+            _error(found.worst),
+            _error(found.binding) if found.binding else "(the first value satisfies)",
+            str(found.runs),
+            f"{found.seconds:.1f}",
+        )
+    out.print(table)
+    kept = ", ".join(map(str, result.kept)) or "none"
+    out.print(f"Kept nonlinear with {result.column_norm:g} p.u.: {kept}.", markup=False)
+    count = result.detailed_runs - len(result.left_out)
+    out.print(
+        f"Limit {result.limit_deg:g} degrees RMS; {count} contingencies; {result.seconds:.1f} s."
+    )
+    for item in result.left_out:
+        text = f"Left out, {item.status.value}: {_text(item.contingency)}"
+        out.print(text, style="yellow", markup=False)
+
+
+def _value(result: Calibration, found: Threshold) -> str:
+    if found.value is None:
+        return "none: even the lowest fails"
+    if found.kind is ThresholdKind.COLUMN_NORM:
+        return f"{found.value:g} p.u., {result.coupling.siemens(found.value):g} S"
+    return f"{found.value:g} degrees"
+
+
+def _error(error: AngleError | None) -> str:
+    if error is None:
+        return ""
+    ended = not math.isfinite(error.rms_deg)
+    size = error.status.value if ended else f"{error.rms_deg:.2f} degrees"
+    return f"{size}, machine {error.unit}, {_text(error.contingency)}"
+
+
+def _text(contingency: Contingency) -> str:
+    """A contingency as one would type it, without what is as by default."""
+    texts = []
+    for item in contingency:
+        record = event_record(item)
+        kind = record.pop("kind")
+        usual = {name: getattr(type(item), name, None) for name in record}
+        told = [f"{name}={value}" for name, value in record.items() if value != usual[name]]
+        texts.append(" ".join([kind, *told]))
+    return "; ".join(texts)
+
+
+def _record(parts: Partition, result: Calibration) -> dict[str, Any]:
+    siemens = result.coupling.siemens
+    thresholds = {}
+    for choice, kind in _KINDS.items():
+        found = result.thresholds.get(kind)
+        if found is None:
+            continue
+        record: dict[str, Any] = {"value": found.value}
+        if kind is ThresholdKind.COLUMN_NORM:
+            record["siemens_at_20_kv"] = None if found.value is None else siemens(found.value)
+        thresholds[choice.value] = record | {
+            "binding": None if found.binding is None else _error_record(found.binding),
+            "errors": [_error_record(error) for error in found.errors],
+            "runs": found.runs,
+            "seconds": found.seconds,
+        }
+    case = parts.model.case
+    return {
+        "case": case.name,
+        "fingerprint": case.fingerprint,
+        "study_buses": as_ranges(parts.study_buses),
+        "limit_deg": result.limit_deg,
+        "column_norm": result.column_norm,
+        "kept": [str(unit) for unit in result.kept],
+        "thresholds": thresholds,
+        "left_out": [
+            {"events": _events(item.contingency), "status": item.status.value}
+            for item in result.left_out
+        ],
+        "detailed_runs": result.detailed_runs,
+        "seconds": result.seconds,
+    }
+
+
+def _error_record(error: AngleError) -> dict[str, Any]:
+    return {
+        "events": _events(error.contingency),
+        "unit": str(error.unit),
+        "rms_deg": error.rms_deg if math.isfinite(error.rms_deg) else None,
+        "status": error.status.value,
+    }
+
+
+def _events(contingency: Contingency) -> list[dict[str, Any]]:
+    return [event_record(event) for event in contingency]

@@ -1,0 +1,114 @@
+"""A disturbance simulated with the model chosen, and what there is to tell about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gridfold.cli.choice import ReducedSimulator
+from gridfold.cli.console import out
+from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.case import UnitKey
+from gridfold.grid.events import Event
+from gridfold.numerics.steppers import Stepper
+from gridfold.report.tables import error_table, facts_table, switch_table
+from gridfold.studies.adaptive import Switch
+from gridfold.studies.compare import Comparison, UnitError, compare
+from gridfold.studies.simulate import ModelStore, simulate
+from gridfold.studies.synchronism import SynchronismCriterion
+from gridfold.studies.trajectory import Trajectory
+from gridfold.systems.status import Status
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run, and what there is to tell about a reduced model: the log, times, errors."""
+
+    run: Trajectory
+    switches: tuple[Switch, ...] | None = None
+    reduction_seconds: float = 0.0
+    detailed: Trajectory | None = None
+    comparison: Comparison | None = None
+    note: str | None = None
+
+    def record(self) -> dict[str, Any]:
+        """What the JSON file says besides the run itself; nothing for the detailed model."""
+        if self.switches is None:
+            return {}
+        modes = [(switch.before, switch.after) for switch in self.switches]
+        record: dict[str, Any] = {
+            "reduction_seconds": self.reduction_seconds,
+            "switches": [
+                switch._asdict()
+                | {"before": None if before is None else before.value, "after": after.value}
+                for switch, (before, after) in zip(self.switches, modes, strict=True)
+            ],
+        }
+        if self.detailed is None:
+            return record
+        record |= {"comparison": None, "comparison_note": self.note}
+        if self.comparison is not None:
+            record["comparison"] = {
+                "detailed_seconds": self.detailed.simulation_seconds,
+                "units": [asdict(e) | {"unit": str(e.unit)} for e in ranked(self.comparison)],
+                "state_rms": self.comparison.state_rms,
+            }
+        return record
+
+    def show(self) -> None:
+        """Print it for people."""
+        if self.switches is not None:
+            out.print(switch_table(self.switches))
+            out.print(facts_table({"Reduced models": f"built in {self.reduction_seconds:.3f} s"}))
+        if self.comparison is not None:
+            out.print(error_table(self.comparison))
+        if self.note is not None:
+            out.print(self.note, style="yellow", markup=False)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance to be simulated."""
+
+    model: DetailedModel
+    events: Sequence[Event]
+    t_end: float
+    stepper: Stepper
+    criterion: SynchronismCriterion | None
+
+    def solve(self, reduced: ReducedSimulator | None, comparing: bool) -> Outcome:
+        """On the detailed model if `reduced` is None; `comparing` adds a detailed run beside it."""
+        store: ModelStore = {}
+        rest = (self.model, self.events, self.t_end, self.stepper, self.criterion, store)
+        if reduced is None:
+            return Outcome(simulate(*rest))
+        run = reduced.run(*rest)
+        seconds = reduced.seconds + run.reduction_seconds
+        result = Outcome(run.trajectory, run.switches, seconds)
+        if not comparing:
+            return result
+        detailed = simulate(*rest)
+        for name, done in (("reduced", result.run), ("detailed", detailed)):
+            if done.status is not Status.COMPLETED:
+                note = (
+                    f"No comparison: the {name} run ended at {done.times[-1]:g} s "
+                    f"({done.status.value})."
+                )
+                return replace(result, detailed=detailed, note=note)
+        units = _comparable(detailed, reduced.parts.study_units)
+        return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
+
+
+def ranked(comparison: Comparison) -> list[UnitError]:
+    """Errors of the machines, the largest first."""
+    return sorted(comparison.units, key=lambda error: -error.rms_deg)
+
+
+def _comparable(run: Trajectory, units: Sequence[UnitKey]) -> list[UnitKey]:
+    """Machines among `units` that are in service at some time of the run."""
+    machines = [unit for unit in units if unit in run.model.machines]
+    missing = np.isnan(run.rotor_angle_deg(machines))
+    return [unit for k, unit in enumerate(machines) if not missing[:, k].all()]

@@ -1,0 +1,157 @@
+"""Commands about the parts of a reduced model: the areas, and the reduced external area."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gridfold.cli.choice import ModelChoice, StudyArea, model_settings
+from gridfold.cli.console import (
+    CaseArgument,
+    ColumnNormOption,
+    JsonOption,
+    ModelKind,
+    OrderOption,
+    StudyAreasOption,
+    StudyBusesOption,
+    StudyZonesOption,
+    ToleranceOption,
+    as_ranges,
+    out,
+    speaks_to_people,
+    write_json_option,
+)
+from gridfold.dynamics.model import build_model
+from gridfold.io.case_folder import load_case
+from gridfold.partition import Coupling, Partition, couple
+from gridfold.partition import partition as divide
+from gridfold.report.tables import (
+    FUNCTIONS_PER_GENERATOR,
+    facts_table,
+    norm_table,
+    partition_facts,
+    reduction_facts,
+    tie_table,
+)
+from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
+from gridfold.studies.saved import reducer_record, save_reduced
+
+
+def partition(
+    case: CaseArgument,
+    study_buses: StudyBusesOption = None,
+    study_areas: StudyAreasOption = None,
+    study_zones: StudyZonesOption = None,
+    column_norm: ColumnNormOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Print study and external area, tie lines, and the column norms of external machines.
+
+    Example: gridfold partition npcc --study-buses 1-36
+    """
+    model = build_model(load_case(case))
+    area = StudyArea(study_buses, study_areas, study_zones)
+    parts = divide(model, area.find(model.case, case))
+    coupling = couple(parts)
+    norm = COLUMN_NORM if column_norm is None else column_norm
+    write_json_option(json, _partition_record(parts, coupling, norm))
+    if speaks_to_people(json):
+        buses = as_ranges(parts.study_buses)
+        out.print(facts_table(partition_facts(parts, coupling, norm, buses)))
+        out.print(tie_table(parts))
+        out.print(norm_table(coupling, norm))
+
+
+def reduce(
+    case: CaseArgument,
+    study_buses: StudyBusesOption = None,
+    study_areas: StudyAreasOption = None,
+    study_zones: StudyZonesOption = None,
+    column_norm: ColumnNormOption = None,
+    tolerance: ToleranceOption = None,
+    order: OrderOption = None,
+    save: Annotated[Path | None, typer.Option(help="Write the reduced model (.npz).")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Linearize and reduce the external area; print its order, error bound and singular values.
+
+    Example: gridfold reduce npcc --study-buses 1-36 --save npcc.npz
+    """
+    area = StudyArea(study_buses, study_areas, study_zones)
+    choice = ModelChoice(ModelKind.ADAPTIVE, area, column_norm, order, tolerance)
+    model = build_model(load_case(case))
+    began = time.perf_counter()
+    family, norm = choice.reduce(model, case)
+    seconds = time.perf_counter() - began
+    if save is not None:
+        save_reduced(save, family, norm)
+    write_json_option(json, _reduction_record(family, norm, seconds))
+    if speaks_to_people(json):
+        buses = as_ranges(family.parts.study_buses)
+        out.print(facts_table(reduction_facts(family, norm, buses, seconds)))
+        if save is not None:
+            out.print(facts_table({"Saved as": str(save)}))
+
+
+def _partition_record(parts: Partition, coupling: Coupling, norm: float) -> dict[str, Any]:
+    kept = coupling.kept(norm)
+    model, case = parts.model, parts.model.case
+    per = FUNCTIONS_PER_GENERATOR
+    external, study = len(parts.external_units), len(parts.study_units)
+    norms = sorted(zip(coupling.norms, coupling.units, strict=True), reverse=True)
+    outside = [bus.number for bus in case.buses if bus.number not in parts.study_buses]
+    return {
+        "case": case.name,
+        "fingerprint": case.fingerprint,
+        "study": {
+            "buses": sorted(parts.study_buses),
+            "machines": [str(unit) for unit in parts.study_units],
+            "states": len(parts.states_of(parts.study_units)),
+        },
+        "external": {
+            "buses": outside,
+            "machines": [str(unit) for unit in parts.external_units],
+            "states": len(parts.states_of(parts.external_units)),
+        },
+        "states": model.n_states,
+        "tie_lines": [
+            {
+                "branch": str(case.branches[tie.branch]).removeprefix("branch "),
+                "study_bus": tie.study_bus,
+                "external_bus": tie.external_bus,
+            }
+            for tie in parts.tie_lines
+        ],
+        "boundary_buses": list(parts.boundary_buses),
+        "threshold": {"per_unit": norm, "siemens_at_20_kv": coupling.siemens(norm)},
+        "column_norms": [
+            {"unit": str(u), "per_unit": float(v), "kept": u in kept} for v, u in norms
+        ],
+        "reference": str(coupling.reference),
+        "functions": {
+            "per_generator": per,
+            "external": per * external,
+            "kept": per * len(kept),
+            "linearized": per * (external - len(kept)),
+            "whole": per * (external + study),
+        },
+    }
+
+
+def _reduction_record(family: ReducedExternal, norm: float, seconds: float) -> dict[str, Any]:
+    case, reduction = family.parts.model.case, family.reduction
+    values = reduction.hankel_values
+    return {
+        "case": case.name,
+        "fingerprint": case.fingerprint,
+        **model_settings(family.parts, norm, family.kept),
+        "reducer": reducer_record(family.reducer),
+        "states": len(family.area.index),
+        "order": reduction.order,
+        "bound": reduction.bound,
+        "hankel_singular_values": None if values is None else values.tolist(),
+        "seconds": seconds,
+    }

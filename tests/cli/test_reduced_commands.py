@@ -1,0 +1,289 @@
+"""Commands about reduced models, as a user runs them."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gridfold as gf
+from gridfold.cli import main
+from gridfold.cli.console import as_ranges, parse_buses
+
+FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run ``gridfold ARGUMENTS`` in this process: exit code, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["gridfold", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        captured = capsys.readouterr()
+        return end.value.code or 0, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def parts(npcc):
+    return gf.partition(npcc, range(1, 37))
+
+
+def record(command, *arguments):
+    """The JSON that a command prints."""
+    code, out, err = command(*arguments, "--json", "-")
+    assert (code, err) == (0, "")
+    return json.loads(out)
+
+
+def test_partition_tells_the_areas_and_counts_of_the_paper(command):
+    facts = record(command, "partition", "npcc", "--study-buses", "1-36", "--column-norm", 1.0)
+    assert (len(facts["study"]["machines"]), facts["study"]["states"]) == (9, 81)
+    assert (len(facts["external"]["machines"]), facts["external"]["states"]) == (39, 351)
+    ties = {(tie["study_bus"], tie["external_bus"]) for tie in facts["tie_lines"]}
+    assert ties == {(29, 37), (35, 73)}
+    assert sorted(facts["boundary_buses"]) == [29, 35]
+    assert facts["threshold"] == {"per_unit": 1.0, "siemens_at_20_kv": 0.25}
+    assert [row["unit"] for row in facts["column_norms"] if row["kept"]] == [
+        "78:1", "42:1", "50:1", "134:1", "51:1",
+    ]  # fmt: skip
+    assert facts["reference"] == facts["column_norms"][-1]["unit"] == "123:1"
+    assert facts["functions"] == {
+        "per_generator": 4, "external": 156, "kept": 20, "linearized": 136, "whole": 192,
+    }  # fmt: skip
+
+
+def test_partition_prints_the_same_facts_as_tables(command):
+    code, out, _ = command("partition", "npcc")
+    assert code == 0
+    text = " ".join(out.split())
+    assert "buses 1-36 (36), 9 machines, 81 states" in text
+    assert "136 of 156 functions, or of 192 without partition" in text
+    assert "0.25 S at 20 kV" in text
+    assert out.count("linearized") == 34
+
+
+def test_a_study_area_is_given_by_buses_or_areas_and_is_area_1_of_npcc_by_default(command):
+    by_buses = record(command, "partition", "npcc", "--study-buses", "1-36")
+    assert record(command, "partition", "npcc", "--study-areas", "1") == by_buses
+    assert record(command, "partition", "npcc") == by_buses
+    both = record(command, "partition", "npcc", "--study-areas", "1", "--study-buses", "37")
+    assert both["study"]["buses"] == list(range(1, 38))
+
+
+def test_another_case_has_no_study_area_of_its_own(command, tmp_path):
+    (tmp_path / "case.toml").write_text('name = "mine"\nextends = "npcc"\n')
+    code, out, err = command("partition", tmp_path)
+    assert (code, out) == (2, "")
+    assert "case mine has no study area of its own" in " ".join(err.split())
+    assert "--study-buses" in err
+    facts = record(command, "partition", tmp_path, "--study-areas", "1")
+    assert facts["study"]["states"] == 81
+
+
+# The linear model misses most, all functions nonlinear least: what is left is truncation alone.
+@pytest.mark.parametrize(
+    ("model", "lowest", "highest"),
+    [
+        ("linear", 8.0, 14.0),
+        ("projected", 0.0, 0.3),
+        ("hybrid", 0.3, 1.2),
+        ("adaptive", 1.2, 3.5),
+        ("whole", 1.2, 3.5),
+    ],
+)
+def test_each_model_has_its_error_for_the_fault_at_bus_3(command, model, lowest, highest):
+    facts = record(command, "simulate", "npcc", *FAULT, "--model", model, "--compare")
+    assert facts["model"] == model
+    errors = facts["comparison"]["units"]
+    assert len(errors) == 9
+    assert errors[0]["unit"] == "23:2"
+    assert lowest < errors[0]["rms_deg"] < highest
+    assert errors[0]["rms_deg"] == max(error["rms_deg"] for error in errors)
+    assert facts["switches"][0]["after"] == "detailed"
+    assert facts["switches"][0]["reason"] == "fault on"
+
+
+def test_the_command_runs_what_the_library_runs(command, tmp_path, npcc, parts):
+    options = ("--model", "adaptive", "--angle-deg", 20, "--longest-above", 1, "--order", 60)
+    facts = record(
+        command, "simulate", "npcc", *FAULT, "--t-end", 4, *options, "--npz", tmp_path / "a.npz"
+    )
+    family = gf.reduce_external(parts, gf.BalancedTruncation(order=60))
+    rule = gf.SwitchingRule(20.0, longest_above=1.0)
+    expected = gf.simulate_adaptive(npcc, family, rule, [gf.BusFault(3, duration=0.39)], 4.0)
+    with np.load(tmp_path / "a.npz") as archive:
+        np.testing.assert_allclose(archive["states"], expected.trajectory.states, rtol=1e-7)
+    times = [switch.time for switch in expected.switches]
+    assert [switch["time"] for switch in facts["switches"]] == times
+    assert facts["model_settings"] == {
+        "study_buses": "1-36",
+        "column_norm": 1.0,
+        "kept": ["42:1", "50:1", "51:1", "78:1", "134:1"],
+        "angle_deg": 20.0,
+        "longest_above": 1.0,
+        "reducer": {"name": "BalancedTruncation", "tolerance": None, "order": 60},
+        "order": 60,
+        "bound": pytest.approx(family.reduction.bound),
+    }
+
+
+def test_result_files_name_the_model(command, tmp_path):
+    csv, picture = tmp_path / "a.csv", tmp_path / "a.png"
+    code, out, _ = command(
+        "simulate", "npcc", *FAULT, "--t-end", 2, "--model", "whole", "--compare",
+        "--csv", csv, "--plot", picture,
+    )  # fmt: skip
+    assert code == 0
+    assert "largest angle deviation" in out
+    assert "Rotor-angle errors against the detailed run" in out
+    notes = json.loads((tmp_path / "a.csv.meta.json").read_text())
+    assert notes["model"] == "whole"
+    assert notes["model_settings"]["angle_deg"] == 6.0
+    assert pd.read_csv(csv).shape[0] == 201
+    assert picture.exists()
+
+
+def test_a_run_of_the_library_is_not_called_detailed_where_it_was_not(npcc, parts):
+    rule = gf.SwitchingRule(np.inf)
+    run = gf.simulate_adaptive(npcc, gf.whole_system(parts), rule, t_end=0.1).trajectory
+    assert run.metadata()["model"] == "reduced"
+    assert gf.simulate(npcc, t_end=0.1).metadata()["model"] == "detailed"
+
+
+def test_a_run_that_ends_early_cannot_be_compared_and_keeps_its_exit_code(command):
+    options = ("--fault-bus", 3, "--fault-duration", 0.6, "--model", "whole", "--compare")
+    code, out, _ = command("simulate", "npcc", *options, "--json", "-")
+    facts = json.loads(out)
+    assert code == 3
+    assert facts["comparison"] is None
+    assert facts["comparison_note"].startswith("No comparison: the reduced run ended at 0.6")
+    code, out, _ = command("simulate", "npcc", *options)
+    assert code == 3
+    assert "No comparison: the reduced run ended" in out
+
+
+def test_a_machine_that_is_never_in_service_is_left_out_of_the_comparison(command):
+    facts = record(
+        command, "simulate", "npcc", "--event", "machine-trip bus=27 id=1 time=0", "--t-end", 1,
+        "--model", "hybrid", "--compare",
+    )  # fmt: skip
+    assert "27:1" not in [error["unit"] for error in facts["comparison"]["units"]]
+    assert len(facts["comparison"]["units"]) == 8
+
+
+def test_critical_clearing_times_come_from_the_model_asked_for(command):
+    options = ("cct", "npcc", "--buses", "17", "--t-end", 4, "--longest", 0.3)
+    found = {
+        model: record(command, *options, "--model", model)
+        for model in ("detailed", "adaptive", "linear", "whole")
+    }
+    assert [rows[0]["model"] for rows in found.values()] == list(found)
+    assert [rows[0]["cct_s"] for rows in found.values()] == [0.03, 0.03, 0.03, 0.03]
+    frozen = record(command, *options, "--model", "whole", "--angle-deg", 180)
+    assert frozen[0]["cct_s"] > 0.03
+
+
+def test_reduce_tells_order_bound_and_singular_values(command):
+    facts = record(command, "reduce", "npcc")
+    assert (facts["states"], facts["order"]) == (351, 149)
+    assert facts["bound"] <= 1e-5
+    values = np.array(facts["hankel_singular_values"])
+    assert len(values) == 351
+    assert (np.diff(values) <= 0).all()
+    assert facts["bound"] == pytest.approx(2 * values[149:].sum())
+    assert facts["kept"] == ["42:1", "50:1", "51:1", "78:1", "134:1"]
+    assert facts["seconds"] > 0
+    _, out, _ = command("reduce", "npcc", "--tolerance", 1e-2, "--column-norm", 3)
+    assert "78:1 (column norm from 3 p.u.)" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("model", ["linear", "projected", "hybrid", "adaptive"])
+def test_a_saved_model_gives_the_same_run_to_the_last_bit(command, tmp_path, model):
+    file = tmp_path / "reduced.npz"
+    assert command("reduce", "npcc", "--order", 60, "--save", file)[0] == 0
+    options = ("simulate", "npcc", *FAULT, "--t-end", 3, "--model", model)
+    states = []
+    for more in (("--order", 60), ("--reduced", file)):
+        facts = record(command, *options, *more, "--npz", tmp_path / "run.npz")
+        with np.load(tmp_path / "run.npz") as archive:
+            states.append((archive["states"], facts["switches"], facts["model_settings"]))
+    np.testing.assert_array_equal(states[0][0], states[1][0])
+    assert states[0][1:] == states[1][1:]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--study-buses", "1-30"), "is for study buses 1-36, not 1-30"),
+        (("--column-norm", 2), "is for column norm 1.0, not 2.0"),
+        (("--order", 70), "is for order 60, not 70"),
+        (("--tolerance", 1e-3), "is for tolerance None, not 0.001"),
+    ],
+)
+def test_options_that_contradict_the_file_are_refused(command, tmp_path, options, message):
+    file = tmp_path / "reduced.npz"
+    command("reduce", "npcc", "--order", 60, "--save", file)
+    arguments = ("simulate", "npcc", "--model", "adaptive", "--reduced", file, "--t-end", 0.1)
+    code, _, err = command(*arguments, *options)
+    assert code == 2
+    assert message in " ".join(err.split())
+    same = ("--study-areas", 1, "--column-norm", 1.0, "--order", 60)
+    assert command(*arguments, *same)[0] == 0
+
+
+def test_a_file_of_another_case_ends_with_exit_code_2_and_its_name(command, tmp_path):
+    file = tmp_path / "reduced.npz"
+    command("reduce", "npcc", "--order", 60, "--save", file)
+    code, _, err = command("cct", "npcc-pst", "--buses", 3, "--model", "linear", "--reduced", file)
+    assert code == 2
+    assert str(file) in err.replace("\n", "")
+    assert "belongs to case npcc with" in " ".join(err.split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("partition", "npcc", "--study-buses", "900"),
+        ("partition", "npcc", "--study-buses", "1-140"),
+        ("partition", "npcc", "--study-areas", "one"),
+        ("partition", "npcc", "--study-zones", "99"),
+        ("partition", "npcc", "--column-norm", "-1"),
+        ("reduce", "npcc", "--order", "60", "--tolerance", "1e-5"),
+        ("reduce", "npcc", "--order", "0"),
+        ("reduce", "npcc", "--order", "352"),
+        ("reduce", "npcc", "--tolerance", "nan"),
+        ("simulate", "npcc", "--model", "quadratic"),
+        ("simulate", "npcc", "--compare"),
+        ("simulate", "npcc", "--study-buses", "1-36"),
+        ("simulate", "npcc", "--column-norm", "1"),
+        ("simulate", "npcc", "--model", "linear", "--angle-deg", "67"),
+        ("simulate", "npcc", "--model", "hybrid", "--longest-above", "5"),
+        ("simulate", "npcc", "--model", "adaptive", "--angle-deg", "-1"),
+        ("simulate", "npcc", "--model", "adaptive", "--angle-deg", "nan"),
+        ("simulate", "npcc", "--model", "whole", "--order", "60"),
+        ("simulate", "npcc", "--model", "whole", "--reduced", "x.npz"),
+        ("simulate", "npcc", "--model", "linear", "--reduced", "no-such-file.npz"),
+        ("cct", "npcc", "--buses", "3", "--angle-deg", "67"),
+    ],
+)
+def test_bad_options_end_with_exit_code_2_and_leave_nothing(
+    command, tmp_path, monkeypatch, arguments
+):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = command(*arguments)
+    assert (code, out) == (2, "")
+    assert err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("text", ["1-36", "3", "3,7", "1-2,5,9-12,140"])
+def test_ranges_of_numbers_are_text_and_back(text):
+    assert as_ranges(parse_buses(text)) == text

@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gridfold as gf
+from gridfold.dynamics.equilibrium import find_equilibrium
+from gridfold.grid.timeline import build_timeline
+from gridfold.io.reduced_files import VERSION, ReducedFile, read_reduced, write_reduced
+from gridfold.studies.saved import load_reduced, save_reduced
+
+HEADER = {
+    "case": "small",
+    "fingerprint": "abc",
+    "study_buses": [1, 2],
+    "column_norm": 1.0,
+    "reducer": {"name": "BalancedTruncation", "tolerance": 1e-5, "order": None},
+    "bound": 0.1,
+    "kept_exactly": 0,
+    "outputs": "states",
+}
+ARRAYS = {"x0": np.array([1 / 3, np.pi, 1e-300])}
+
+
+@pytest.fixture(scope="module")
+def family(npcc):
+    parts = gf.partition(npcc, range(1, 37))
+    return gf.reduce_external(parts, gf.BalancedTruncation(order=60))
+
+
+@pytest.fixture
+def saved(family, tmp_path):
+    save_reduced(tmp_path / "npcc.npz", family)
+    return tmp_path / "npcc.npz"
+
+
+def rewrite(path, **changes):
+    """The file again with other values in its header."""
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    header = json.loads(str(arrays.pop("metadata"))) | changes
+    np.savez(path, metadata=np.array(json.dumps(header)), **arrays)
+
+
+def test_a_file_gives_back_header_and_arrays_to_the_last_bit(tmp_path):
+    write_reduced(tmp_path / "a.npz", ReducedFile(HEADER, ARRAYS))
+    content = read_reduced(tmp_path / "a.npz")
+    assert HEADER.items() <= content.header.items()
+    assert content.header["version"] == VERSION
+    np.testing.assert_array_equal(content.arrays["x0"], ARRAYS["x0"])
+
+
+def test_a_file_that_is_missing_is_refused_by_name(tmp_path):
+    with pytest.raises(gf.CaseFileError, match=r"none\.npz.*\n.*cannot be read"):
+        read_reduced(tmp_path / "none.npz")
+
+
+def _other_archive(path):
+    np.savez(path, metadata=np.array(json.dumps({"case": "npcc"})), states=np.eye(2))
+
+
+def _pickled(path):
+    with path.open("wb") as stream:
+        np.save(stream, np.array([{}], dtype=object), allow_pickle=True)
+
+
+def _one_array(path):
+    with path.open("wb") as stream:
+        np.save(stream, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: path.write_text("time,angle\n0,1\n"),
+        lambda path: path.write_bytes(b""),
+        lambda path: path.write_bytes(b"PK\x03\x04 not a zip"),
+        _one_array,
+        lambda path: np.savez(path, metadata=np.array("{")),
+        _other_archive,
+        _pickled,
+    ],
+    ids=["text", "empty", "no zip", "one array", "no JSON", "result of a run", "pickle"],
+)
+def test_something_else_is_refused_by_name(tmp_path, write):
+    path = tmp_path / "other.npz"
+    write(path)
+    with pytest.raises(gf.CaseFileError, match=r"other\.npz.*\n.*not a file of a reduced model"):
+        read_reduced(path)
+
+
+def test_a_damaged_file_is_refused(saved):
+    content = saved.read_bytes()
+    saved.write_bytes(content[: len(content) // 2])
+    with pytest.raises(gf.CaseFileError, match="damaged"):
+        read_reduced(saved)
+
+
+def test_another_version_of_the_format_is_refused_with_both_numbers(saved):
+    rewrite(saved, version=VERSION + 1)
+    with pytest.raises(gf.OptionError, match=rf"{saved.name}.*version {VERSION + 1} .*{VERSION};"):
+        read_reduced(saved)
+
+
+@pytest.mark.parametrize("key", HEADER)
+def test_a_header_without_one_of_its_keys_is_refused(tmp_path, key):
+    header = {k: v for k, v in HEADER.items() if k != key}
+    if key == "bound":  # None is a bound that there is not
+        header["bound"] = "small"
+    write_reduced(tmp_path / "a.npz", ReducedFile(header, ARRAYS))
+    with pytest.raises(gf.CaseFileError, match=f"{key} is"):
+        read_reduced(tmp_path / "a.npz")
+
+
+def test_the_reduced_area_comes_back_to_the_last_bit(saved, family, npcc):
+    loaded, norm = load_reduced(saved, npcc)
+    assert norm == 1.0
+    assert loaded.kept == family.kept
+    assert loaded.reducer == family.reducer
+    assert loaded.reduction.order == 60
+    assert loaded.reduction.bound == family.reduction.bound
+    assert loaded.area.full.state_names == family.area.full.state_names
+    np.testing.assert_array_equal(loaded.area.b, family.area.b)
+    np.testing.assert_array_equal(loaded.area.states.lift_matrix, family.area.states.lift_matrix)
+    np.testing.assert_array_equal(loaded.area.full.a, family.area.full.a)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, np.inf])
+def test_runs_with_the_loaded_model_equal_those_with_the_saved_one(saved, family, npcc, angle_deg):
+    rule = gf.SwitchingRule(angle_deg)
+    events = [gf.BusFault(3, duration=0.2)]
+    loaded = load_reduced(saved, npcc).family
+    before = gf.simulate_adaptive(npcc, family, rule, events, 4.0)
+    after = gf.simulate_adaptive(npcc, loaded, rule, events, 4.0)
+    np.testing.assert_array_equal(after.trajectory.states, before.trajectory.states)
+    assert after.switches == before.switches
+
+
+def test_a_loaded_model_moves_to_another_operating_point_like_the_saved_one(saved, family, npcc):
+    events = [gf.BranchFault("3-2", duration=0.1)]
+    rule = gf.SwitchingRule(20.0)
+    loaded = load_reduced(saved, npcc).family
+    before = gf.simulate_adaptive(npcc, family, rule, events, 2.0)
+    after = gf.simulate_adaptive(npcc, loaded, rule, events, 2.0)
+    np.testing.assert_array_equal(after.trajectory.states, before.trajectory.states)
+
+
+def test_a_modal_truncation_can_be_saved_too(tmp_path, npcc):
+    parts = gf.partition(npcc, range(1, 37))
+    modal = gf.reduce_external(parts, gf.ModalTruncation(order=80))
+    save_reduced(tmp_path / "m.npz", modal)
+    loaded = load_reduced(tmp_path / "m.npz", npcc).family
+    assert loaded.reducer == gf.ModalTruncation(order=80)
+    assert (loaded.reduction.bound, loaded.reduction.hankel_values) == (None, None)
+    np.testing.assert_array_equal(loaded.area.a, modal.area.a)
+
+
+def test_another_case_is_refused_with_both_fingerprints(saved):
+    other = gf.build_model(gf.load_case("npcc-pst"))
+    with pytest.raises(gf.OptionError, match="belongs to case npcc ") as raised:
+        load_reduced(saved, other)
+    assert str(saved) in str(raised.value)
+    assert other.case.fingerprint[:16] in str(raised.value)
+
+
+def test_another_operating_point_is_refused_with_the_state_that_differs(tmp_path, family, npcc):
+    stages = build_timeline(npcc.case, [gf.BranchTrip("3-2", time=0.0)], 1.0)
+    tripped = npcc.for_state(stages[-1].state)
+    moved = family.moved(tripped, find_equilibrium(tripped, npcc.x0))
+    save_reduced(tmp_path / "moved.npz", moved)
+    with pytest.raises(gf.OptionError, match=r"moved\.npz.*another operating point: \w+:\d+:\d"):
+        load_reduced(tmp_path / "moved.npz", npcc)
+
+
+def test_arrays_that_do_not_fit_the_study_area_are_refused(saved, npcc):
+    rewrite(saved, study_buses=list(range(1, 30)))
+    with pytest.raises(gf.CaseFileError, match=r"npcc\.npz.*\n.*does not fit together"):
+        load_reduced(saved, npcc)
+
+
+def test_a_column_norm_that_keeps_other_machines_is_not_written(tmp_path, family):
+    with pytest.raises(gf.OptionError, match=r"5 p\.u\. keeps other machines"):
+        save_reduced(tmp_path / "a.npz", family, column_norm=5.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reducer_that_is_not_the_packages_own_is_not_written(tmp_path, family):
+    class Own(gf.BalancedTruncation):
+        pass
+
+    with pytest.raises(gf.OptionError, match="BalancedTruncation or ModalTruncation"):
+        save_reduced(tmp_path / "a.npz", replace(family, reducer=Own(order=60)))
