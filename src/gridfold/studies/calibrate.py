@@ -142,8 +142,9 @@ def calibrate(
 ) -> Calibration:
     """Find the first thresholds, from above, at which all rotor-angle errors are below a limit.
 
-    The column norm goes down from 10 p.u. by 0.1, hybrid all the time; angles go down from 180 degrees
-    by 1. :data:`COLUMN_NORMS` and :data:`ANGLES_DEG` list the values.
+    The column norm goes down from 10 p.u. by 0.1, hybrid all the time; where the angle of the whole
+    system is wanted too, both versions must satisfy, since they share the kept machines. Angles go
+    down from 180 degrees by 1. :data:`COLUMN_NORMS` and :data:`ANGLES_DEG` list the values.
 
     Parameters
     ----------
@@ -192,7 +193,9 @@ def calibrate(
         for kind in ThresholdKind:
             if kind not in what:
                 continue
-            found[kind] = _search(runner, kind, models.trials(kind, norm), references, limit_deg)
+            found[kind] = _search(
+                runner, kind, models.trials(kind, norm, what), references, limit_deg
+            )
             if kind is ThresholdKind.COLUMN_NORM and column_norm is None:
                 norm = found[kind].value or 0.0
     count = len(references) + len(left_out)
@@ -212,16 +215,22 @@ class _Models:
         self._reduced: ReducedExternal | None = None
         self._stores: dict[tuple[bool, tuple[UnitKey, ...]], SmallModels] = {}
 
-    def trials(self, kind: ThresholdKind, norm: float) -> list[Trial]:
+    def trials(
+        self, kind: ThresholdKind, norm: float, what: Collection[ThresholdKind]
+    ) -> list[Trial]:
         """What is tried for a threshold, from above; `norm` counts for angles alone."""
         if kind is not ThresholdKind.COLUMN_NORM:
             small = self._small(kind is ThresholdKind.PARTITIONED, norm)
-            return [Trial(angle, small, angle) for angle in ANGLES_DEG]
+            return [Trial(angle, (small,), angle) for angle in ANGLES_DEG]
+        versions = (True, False) if ThresholdKind.WHOLE in what else (True,)
         # The model changes where the list of kept machines does.
         first: dict[tuple[UnitKey, ...], float] = {}
         for value in COLUMN_NORMS:
             first.setdefault(self.coupling.kept(value), value)
-        return [Trial(value, self._small(True, value), 0.0) for value in first.values()]
+        return [
+            Trial(value, tuple(self._small(version, value) for version in versions), 0.0)
+            for value in first.values()
+        ]
 
     def _small(self, partitioned: bool, norm: float) -> SmallModels:
         key = partitioned, self.coupling.kept(norm)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -60,10 +61,10 @@ class Reference(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """A value of a threshold, and what is run with it."""
+    """A value of a threshold, and what is run with it; where it is more than one, all count."""
 
     value: float
-    small: SmallModels
+    families: tuple[SmallModels, ...]
     angle_deg: float
 
 
@@ -111,9 +112,9 @@ class ContingencyRunner:
     def errors(self, jobs: Sequence[tuple[Trial, Reference]]) -> list[AngleError]:
         """Errors of each contingency with each trial."""
         for trial, reference in jobs:
-            for model in reference.models:
-                for mode in (Mode.HYBRID, Mode.LINEAR):
-                    trial.small.get(model, mode)
+            for model, mode in product(reference.models, (Mode.HYBRID, Mode.LINEAR)):
+                for family in trial.families:
+                    family.get(model, mode)
         return list(self.pool.map(lambda job: self._error(*job), jobs))
 
     def _angles(self, contingency: Contingency) -> tuple[Status, NDArray[np.float64]]:
@@ -122,11 +123,15 @@ class ContingencyRunner:
         return run.status, _study_angles(self.parts, run)
 
     def _error(self, trial: Trial, reference: Reference) -> AngleError:
+        found = [self._family_error(family, trial, reference) for family in trial.families]
+        return max(found, key=lambda error: error.rms_deg)
+
+    def _family_error(self, family: SmallModels, trial: Trial, reference: Reference) -> AngleError:
         # To look for a new operating point changes nothing in a run, and would add a sample.
         rule = SwitchingRule(trial.angle_deg, longest_above=math.inf)
         options = self.t_end, self.stepper, self.criterion, self.store
         events = reference.contingency
-        run = simulate_adaptive(self.parts.model, trial.small, rule, events, *options).trajectory
+        run = simulate_adaptive(self.parts.model, family, rule, events, *options).trajectory
         angles = _study_angles(self.parts, run)
         error = np.ma.masked_invalid(angles - reference.angles[: len(angles)])
         rms = np.sqrt((error**2).mean(axis=0)).filled(0.0)
