@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from chain import OFFSET, chain
 from report import Section, Table, machine, one_thread
 from timing import interleave
 
 from gridfold import BusFault, DetailedModel, Trajectory, build_model, load_case, simulate
+from gridfold.dynamics.area_model import Outputs
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation
 from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
@@ -33,6 +34,13 @@ RULES = {
     "adaptive": SwitchingRule(67.0),
 }
 
+#: Every rule with the states of linear machines formed, as in the paper, and with polar outputs.
+MODELS = {
+    f"{name}, {outputs.value}": (rule, outputs)
+    for outputs in Outputs
+    for name, rule in RULES.items()
+}
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -42,7 +50,7 @@ class Prepared:
     parts: Partition
     threshold: float
     family: ReducedExternal
-    small: SmallModels
+    small: dict[Outputs, SmallModels]
     seconds: float
 
 
@@ -54,23 +62,24 @@ def prepare() -> Prepared:
     threshold = couple(parts).per_unit(SIEMENS)
     family = reduce_external(parts, BalancedTruncation(tolerance=TOLERANCE), threshold)
     seconds = time.perf_counter() - began
-    return Prepared(model, parts, threshold, family, SmallModels(family), seconds)
+    small = {outputs: SmallModels(replace(family, outputs=outputs)) for outputs in Outputs}
+    return Prepared(model, parts, threshold, family, small, seconds)
 
 
 def fault_rows(ready: Prepared, fault: BusFault, store: ModelStore) -> list[tuple[str, ...]]:
     """Errors, switches and times of every model for one fault; all share what has been built."""
     model, where = ready.model, f"bus {fault.bus}, {fault.duration:g} s"
 
-    def run(rule: SwitchingRule) -> Trajectory:
-        events = (fault,)
-        return simulate_adaptive(model, ready.small, rule, events, T_END, store=store).trajectory
+    def run(rule: SwitchingRule, outputs: Outputs) -> Trajectory:
+        small, events = ready.small[outputs], (fault,)
+        return simulate_adaptive(model, small, rule, events, T_END, store=store).trajectory
 
     detailed = simulate(model, (fault,), T_END, store=store)
     if detailed.status is not Status.COMPLETED:
         return [(where, "detailed", detailed.status.value, "", "")]
-    reduced = {name: run(rule) for name, rule in RULES.items()}
+    reduced = {name: run(*chosen) for name, chosen in MODELS.items()}
     actions = {"detailed": lambda: simulate(model, (fault,), T_END, store=store)}
-    actions |= {name: lambda rule=rule: run(rule) for name, rule in RULES.items()}
+    actions |= {name: lambda chosen=chosen: run(*chosen) for name, chosen in MODELS.items()}
     times = interleave(actions, 5)
     rows = [(where, "detailed", "", times.scaled("detailed", 1e-3), "")]
     for name, found in reduced.items():
