@@ -12,21 +12,6 @@ import pytest
 from bad_input_samples import CASE_FOLDERS, DEVICE_FOLDERS, EVENTS, EventSample, FolderSample
 
 import gridfold as gf
-from gridfold.cli import main
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run ``gridfold ARGUMENTS`` in this process: exit code, standard output, standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["gridfold", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        captured = capsys.readouterr()
-        return end.value.code or 0, captured.out, captured.err
-
-    return run
 
 
 def test_simulate_keeps_its_contract_for_scripts(command, tmp_path, npcc):

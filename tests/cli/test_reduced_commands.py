@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import gridfold as gf
-from gridfold.cli import main
 from gridfold.cli.console import as_ranges, parse_buses
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run ``gridfold ARGUMENTS`` in this process: exit code, standard output, standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["gridfold", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        captured = capsys.readouterr()
-        return end.value.code or 0, captured.out, captured.err
-
-    return run
 
 
 @pytest.fixture(scope="module")
