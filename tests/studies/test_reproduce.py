@@ -12,6 +12,7 @@ from gridfold.report.reproduction import reproduction_tables
 from gridfold.report.reproduction_figures import plot_map, plot_switches
 from gridfold.studies import published
 from gridfold.studies.reproduce import (
+    PRINTED,
     Clearing,
     SmallRun,
     Thresholds,
@@ -79,7 +80,7 @@ def test_rows_come_in_the_order_asked_for_with_stable_clearing_times(rows):
 
 def test_adaptive_errors_are_below_the_linear_ones_after_large_disturbances(rows):
     for row in rows[:2]:
-        linear, partitioned, whole = (row.errors.worst_deg(kind) for kind in SmallRun)
+        linear, partitioned, whole = (row.errors.worst_deg(kind) for kind in PRINTED)
         assert linear > 10
         assert partitioned < 6
         assert whole < 7.5
@@ -131,7 +132,7 @@ def test_times_of_all_models_are_measured_in_one_run(study):
     third = table_3(study, repetitions=1)
     assert (third["large"].bus, third["small"].bus) == (3, 17)
     for column in third.values():
-        assert set(column.ratios) == {DETAILED, *(kind.value for kind in SmallRun)}
+        assert set(column.ratios) == {DETAILED, *(kind.value for kind in PRINTED)}
         assert column.ratios[DETAILED] == 1
         assert min(column.seconds.values()) > 0
 
@@ -151,7 +152,7 @@ def test_verdicts_follow_the_data(rows):
     size = {row.bus: row.errors.largest_deviation_deg for row in rows}
     assert largest.holds is (max(size, key=size.get) == 3)
     worst = [item for claim, item in found.items() if "worst after the bus-3 fault" in claim]
-    assert len(worst) == len(SmallRun)
+    assert len(worst) == len(PRINTED)
     swapped = [replace(row, bus={3: 17, 17: 3}.get(row.bus, row.bus)) for row in rows]
     turned = [item for item in verdicts(swapped) if "largest disturbance" in item.claim]
     assert not turned[0].holds

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.area_rhs import LinearPart, pack_area_rhs
+from gridfold.dynamics.held_boundary import boundary_voltages, held_bus, held_group, held_network
 from gridfold.dynamics.layout import Group, Layout, build_layout
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.network import build_equations, compile_network
+from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_network
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.linear import LinearSystem
@@ -31,6 +32,25 @@ class Outputs(Enum):
 
     STATES = "states"
     POLAR = "polar"
+
+
+class BoundaryCoupling(Enum):
+    """How the areas know each other's boundary voltages.
+
+    EXACT: both networks are solved together in every evaluation. LAGGED: as in the paper, each takes
+    the other's voltages of the previous step.
+    """
+
+    EXACT = "exact"
+    LAGGED = "lagged"
+
+
+@dataclass(frozen=True)
+class HeldBoundary:
+    """Buses (numbers) of the study area, and boundary buses of both areas whose voltage is held."""
+
+    study: frozenset[int]
+    buses: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -69,7 +89,7 @@ class LinearArea:
 
 @dataclass(frozen=True)
 class AreaModel:
-    """A system of exact and linear states, v = (exact states, z).
+    """A system of exact and linear states, v = (exact states, held voltages, z).
 
     Parameters
     ----------
@@ -83,6 +103,8 @@ class AreaModel:
         Names of v.
     nonlinear_functions : int
         How many functions of linear units are evaluated as they are.
+    held : tuple, optional
+        The whole system and the boundary buses whose voltages are held during a step.
     """
 
     exact_index: NDArray[np.int64]
@@ -90,6 +112,7 @@ class AreaModel:
     compiled: CompiledRhs = field(repr=False)
     state_names: tuple[str, ...] = field(repr=False)
     nonlinear_functions: int = 0
+    held: tuple[DetailedModel, tuple[int, ...]] | None = None
 
     @property
     def n_states(self) -> int:
@@ -101,13 +124,18 @@ class AreaModel:
         n_exact = len(self.exact_index)
         x = np.empty((*v.shape[:-1], n_exact + len(self.area.index)))
         x[..., self.exact_index] = v[..., :n_exact]
-        x[..., self.area.index] = self.area.states.lift(v[..., n_exact:])
+        n_held = 0 if self.held is None else 2 * len(self.held[1])
+        x[..., self.area.index] = self.area.states.lift(v[..., n_exact + n_held :])
         return x
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state v nearest to the whole model's state x: z = T (x - x0)."""
         z = self.area.states.restrict(x[self.area.index])
-        return np.concatenate([x[self.exact_index], z])
+        held = np.zeros(0)
+        if self.held is not None:
+            model, buses = self.held
+            held = boundary_voltages(model, x, buses)
+        return np.concatenate([x[self.exact_index], held, z])
 
 
 def build_area_model(
@@ -117,6 +145,7 @@ def build_area_model(
     ports: Sequence[int] = (),
     input_states: Sequence[int] = (),
     outputs: Outputs = Outputs.STATES,
+    held: HeldBoundary | None = None,
 ) -> AreaModel:
     """Compile a model whose units outside `area` are exact.
 
@@ -134,13 +163,20 @@ def build_area_model(
         Positions of exact states that are inputs, after the ports.
     outputs : Outputs
         How the linear units act on the others.
+    held : HeldBoundary, optional
+        Where voltages are held during a step; everything is solved together by default.
     """
     exact_units, linear_units = _divide(model, set(area.index.tolist()))
     kept = [unit for unit in linear_units if unit in set(corrected)]
     rest = [unit for unit in linear_units if unit not in set(corrected)]
     polar = outputs is Outputs.POLAR
     classes = (exact_units, kept) if polar else (exact_units, kept, rest)
-    layout = build_layout(_split(model.layout, classes), ports)
+    groups = _split(model.layout, classes)
+    if held is None:
+        layout = build_layout(groups, ports)
+    else:
+        layout = build_layout([*groups, held_group(held.buses)], held.buses)
+        ports = [held_bus(bus) for bus in ports]
     slot = {name: k for k, name in enumerate(layout.state_names)}
     exact_index = np.setdiff1d(np.arange(model.n_states), area.index)
     own = _states_of(model, kept)
@@ -174,22 +210,45 @@ def build_area_model(
         caused=np.zeros(0, complex) if caused is None else caused[0],
         caused_matrix=np.zeros((0, 0), complex) if caused is None else caused[1],
     )
-    equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
     angle_states = [k for k in exact_index if model.state_names[k].startswith("rotor_angle:")]
-    active = {*exact_units, *kept}
+    held_names, held_table = _held_places(layout, held, len(exact_index))
+    held_slots = np.array([slot[name] for name in held_names], dtype=np.int64)
+    passive = set(rest)
     compiled = pack_area_rhs(
         layout,
         _constants(model, layout),
-        compile_network(equations, model.backend),
-        [block for block in layout.blocks if set(block.units) <= active],
-        slots(exact_index),
+        _network(model, layout, held),
+        [block for block in layout.blocks if not passive.intersection(block.units)],
+        np.concatenate([slots(exact_index), held_slots]),
         (slots(angle_states), model.x0[angle_states]),
         linear,
         model.state.units_out,
+        held_table,
     )
     names = [model.state_names[k] for k in exact_index]
-    names += [f"z:{k + 1}" for k in range(linear.order)]
-    return AreaModel(exact_index, area, compiled, tuple(names), len(rows))
+    names += [*held_names, *(f"z:{k + 1}" for k in range(linear.order))]
+    kept_voltages = None if held is None else (model, held.buses)
+    return AreaModel(exact_index, area, compiled, tuple(names), len(rows), kept_voltages)
+
+
+def _network(model: DetailedModel, layout: Layout, held: HeldBoundary | None) -> CompiledNetwork:
+    if held is not None:
+        return held_network(model, layout, held.study, held.buses)
+    equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
+    return compile_network(equations, model.backend)
+
+
+def _held_places(
+    layout: Layout, held: HeldBoundary | None, start: int
+) -> tuple[list[str], NDArray[np.int64]]:
+    """Names of the held states, and rows (terminal, place in v of its real part, of its other)."""
+    if held is None:
+        return [], np.zeros((0, 3), dtype=np.int64)
+    device, units, _ = held_group(held.buses)
+    names = [f"{state}:{unit}" for state in device.states for unit in units]
+    terminals = [layout.terminals.index(bus) for bus in held.buses]
+    first = start + np.arange(len(units))
+    return names, np.stack([terminals, first, first + len(units)], axis=1).astype(np.int64)
 
 
 def _divide(model: DetailedModel, linear_states: set[int]) -> tuple[list[UnitKey], list[UnitKey]]:

@@ -79,8 +79,10 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     DERIVATIVE_AT,
     DU_AT,
     CORRECTION_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 31)
-_AREA_HEADER = HEADER_SIZE + 31
+    N_HELD,
+    HELD_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 33)
+_AREA_HEADER = HEADER_SIZE + 33
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,7 @@ def pack_area_rhs(
     angles: tuple[NDArray[np.int64], NDArray[np.float64]],
     linear: LinearPart,
     units_out: Collection[UnitKey] = (),
+    held: NDArray[np.int64] | None = None,
 ) -> CompiledRhs:
     """Right-hand side of a model whose `active` blocks are evaluated and the rest is `linear`.
 
@@ -165,6 +168,9 @@ def pack_area_rhs(
         The linear part.
     units_out : collection of UnitKey
         Units that are disconnected.
+    held : ndarray of int, shape (n_held, 3), optional
+        Terminals whose voltage is held during a step, and where in v its real and imaginary part
+        are kept.
     """
     data = pack_model(layout, constants, network, active, units_out, _AREA_HEADER)
     header, integers, reals = data.header, data.integers, data.reals
@@ -194,6 +200,8 @@ def pack_area_rhs(
     slopes = np.stack([linear.caused_matrix.real, linear.caused_matrix.imag])
     header[CAUSED_MATRIX_AT] = reals.add(slopes)
     header[[F_AT, G_AT, T_AT]] = reals.add(linear.f), reals.add(linear.g), reals.add(linear.t)
+    held = np.zeros((0, 3), dtype=np.int64) if held is None else held
+    header[[N_HELD, HELD_AT]] = len(held), integers.add(held)
     header[DERIVATIVE_AT] = data.work_size
     header[DU_AT] = data.work_size + layout.n_states
     header[CORRECTION_AT] = header[DU_AT] + len(linear.input_reference)
@@ -203,6 +211,7 @@ def pack_area_rhs(
         reals=reals.join(),
         work_size=int(header[CORRECTION_AT]) + len(linear.corrected),
         n_states=len(exact) + linear.order,
+        after_step=_compiled_hold().address if len(held) else 0,
     )
 
 
@@ -287,18 +296,38 @@ def _apply_a(integers, reals, z, dz):
         _add_product(matrix_view(reals, at, order, order), z, dz)
 
 
-def _area_rhs(integers, reals, work, v, dv):
-    n_exact, order = integers[N_EXACT], integers[ORDER]
-    z, dz = v[n_exact:], dv[n_exact:]
+@compiled_part
+def _voltages(integers, reals, work, v):
+    """Put states, Norton currents and terminal voltages into the signal vector."""
     derivative = work[integers[DERIVATIVE_AT] : integers[DERIVATIVE_AT] + integers[N_STATES]]
     _form_states(integers, reals, work, v)
     load_constants(integers, reals, work)
     states = work[: integers[N_STATES]]
-    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
-    run_calls(0, n_source, integers, reals, work, states, derivative)
+    run_calls(0, integers[N_SOURCE_CALLS], integers, reals, work, states, derivative)
     solve_voltages(integers, reals, work)
     if integers[N_CAUSED] > 0:
-        _add_caused_voltages(integers, reals, work, z)
+        _add_caused_voltages(integers, reals, work, v[integers[N_EXACT] :])
+
+
+def _hold_boundary(integers, reals, work, v, dv):
+    """Keep the boundary voltages at the end of a step for the next one."""
+    _voltages(integers, reals, work, v)
+    n_terminals = integers[N_TERMINALS]
+    voltages_at = integers[N_SIGNALS] - 2 * n_terminals
+    for k in range(integers[N_HELD]):
+        at = integers[HELD_AT] + 3 * k
+        terminal = integers[at]
+        v[integers[at + 1]] = work[voltages_at + terminal]
+        v[integers[at + 2]] = work[voltages_at + n_terminals + terminal]
+
+
+def _area_rhs(integers, reals, work, v, dv):
+    n_exact, order = integers[N_EXACT], integers[ORDER]
+    z, dz = v[n_exact:], dv[n_exact:]
+    derivative = work[integers[DERIVATIVE_AT] : integers[DERIVATIVE_AT] + integers[N_STATES]]
+    _voltages(integers, reals, work, v)
+    states = work[: integers[N_STATES]]
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(n_source, n_output, integers, reals, work, states, derivative)
     n_derivative = integers[N_DERIVATIVE_CALLS]
     run_calls(n_source + n_output, n_derivative, integers, reals, work, states, derivative)
@@ -328,3 +357,8 @@ def _area_rhs(integers, reals, work, v, dv):
 @cache
 def _compiled() -> Any:
     return compile_callback(_area_rhs, RHS_SIGNATURE)
+
+
+@cache
+def _compiled_hold() -> Any:
+    return compile_callback(_hold_boundary, RHS_SIGNATURE)

@@ -34,6 +34,9 @@ class CompiledRhs:
         Length of the scratch space that one caller at a time needs.
     n_states : int
         Length of the state vector.
+    after_step : int
+        Address of a function of the same signature that may change the state after each step, for
+        values that are held during a step; 0 if there is none.
     """
 
     address: int
@@ -41,6 +44,7 @@ class CompiledRhs:
     reals: NDArray[np.float64]
     work_size: int
     n_states: int
+    after_step: int = 0
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivative at the state `x`, shape (n_states,)."""

@@ -49,6 +49,12 @@ class Partition:
         """Study-area buses with a tie line: their voltages are the external area's inputs."""
         return tuple(dict.fromkeys(tie.study_bus for tie in self.tie_lines))
 
+    @property
+    def boundary_of_both(self) -> tuple[int, ...]:
+        """Buses of both areas with a tie line, those of the study area first."""
+        outside = dict.fromkeys(tie.external_bus for tie in self.tie_lines)
+        return (*self.boundary_buses, *outside)
+
     def states_of(self, units: Collection[UnitKey]) -> list[int]:
         """Positions in the state vector of all states of `units`, in order of the vector."""
         wanted = set(units)

@@ -3,6 +3,7 @@
 from gridfold.reduction.balanced import BalancedTruncation, SingularPerturbation
 from gridfold.reduction.base import Reducer, Reduction
 from gridfold.reduction.modal import ModalTruncation
+from gridfold.reduction.unreduced import Unreduced
 
 __all__ = [
     "BalancedTruncation",
@@ -10,4 +11,5 @@ __all__ = [
     "Reducer",
     "Reduction",
     "SingularPerturbation",
+    "Unreduced",
 ]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from gridfold.studies import published
-from gridfold.studies.reproduce import BusRow, FaultErrors, SmallRun
+from gridfold.studies.reproduce import PRINTED, BusRow, FaultErrors, SmallRun
 from gridfold.studies.reproduce_record import (
     PUBLISHED_FACTS,
     Reproduction,
@@ -33,6 +34,10 @@ _SHORT = {
     SmallRun.ADAPTIVE_PARTITIONED: "part.",
     SmallRun.ADAPTIVE_WHOLE: "whole",
 }
+_LAGGED = {
+    SmallRun.LINEAR_LAGGED: "linear",
+    SmallRun.ADAPTIVE_PARTITIONED_LAGGED: "part.",
+}
 _NAMES = {
     "detailed": "detailed",
     "linear": "linear, partitioned",
@@ -45,7 +50,7 @@ def reproduction_tables(result: Reproduction) -> list[Table]:
     """Every table of a reproduction, in the paper's order."""
     tables = [system_table(result.system, result.system_calibrated)]
     if result.table1 is not None:
-        tables.append(first_table(result.table1))
+        tables += [first_table(result.table1), lagged_table(result.table1)]
     if result.table2:
         tables.append(second_table(result.table2))
     if result.table3 is not None:
@@ -81,11 +86,27 @@ def first_table(rows: Sequence[BusRow]) -> Table:
         table.add_row(*_first_row(row, with_calibrated))
     table.add_section()
     for name in ("mean", "largest"):
-        values = [_mean_text(means(rows, kind), name) for kind in SmallRun]
+        values = [_mean_text(means(rows, kind), name) for kind in PRINTED]
         if with_calibrated:
             values += [_mean_text(means(rows, kind, True), name) for kind in ADAPTIVE]
         paper = paper_means() if name == "mean" else _paper_largest()
         table.add_row(name, *[""] * 5, *values, *(f"{value:.2f}" for value in paper))
+    return table
+
+
+def lagged_table(rows: Sequence[BusRow]) -> Table:
+    """Table I with exact and with lagged coupling."""
+    pairs = list(zip(PRINTED, _LAGGED, strict=False))
+    heads = ["bus"]
+    for exact, lagged in pairs:
+        heads += [f"{_SHORT[exact]} exact", f"{_LAGGED[lagged]} lagged"]
+    table = _table("Table I with the coupling of the paper (degrees)", heads, 0)
+    kinds = [kind for pair in pairs for kind in pair]
+    for row in rows:
+        table.add_row(str(row.bus), *(_degrees(row.errors, kind) for kind in kinds))
+    table.add_section()
+    for name in ("mean", "largest"):
+        table.add_row(name, *(_mean_text(means(rows, kind), name) for kind in kinds))
     return table
 
 
@@ -99,7 +120,7 @@ def _first_row(row: BusRow, with_calibrated: bool) -> list[str]:
         f"{row.cct:.2f}",
         _NONE if paper is None else f"{paper.cct:.2f}",
         f"{row.margin_ms:.0f}",
-        *(_degrees(row.errors, kind) for kind in SmallRun),
+        *(_degrees(row.errors, kind) for kind in PRINTED),
     ]
     if with_calibrated:
         texts += [_degrees(row.calibrated, kind, _NONE) for kind in ADAPTIVE]
@@ -116,7 +137,7 @@ def second_table(rows: Sequence[StateRow]) -> Table:
     table = _table(title, heads, 2)
     for row in rows:
         texts = [row.published.symbol, row.published.unit]
-        for kind in SmallRun:
+        for kind in PRINTED:
             ours = row.errors.get(kind)
             theirs = getattr(row.published.errors, kind.value)
             texts += [_LOST if ours is None else f"{ours:.1e}", f"{theirs:.1e}"]
@@ -168,7 +189,9 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Table:
 
 def _table(title: str, heads: Sequence[str], left: int) -> Table:
     """An empty table; the first `left` columns are text."""
-    table = Table(title=title, title_justify="left")
+    table = Table(
+        title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1), pad_edge=False
+    )
     for position, head in enumerate(heads):
         table.add_column(head, justify="left" if position < left else "right", overflow="fold")
     return table

@@ -14,7 +14,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.area_model import LinearArea, Outputs, build_area_model
+from gridfold.dynamics.area_model import (
+    BoundaryCoupling,
+    HeldBoundary,
+    LinearArea,
+    Outputs,
+    build_area_model,
+)
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
@@ -97,6 +103,8 @@ class ReducedExternal:
         How it was reduced.
     outputs : Outputs
         How the external machines act on the study area.
+    boundary : BoundaryCoupling
+        How the areas know each other's boundary voltages.
     """
 
     parts: Partition
@@ -107,6 +115,11 @@ class ReducedExternal:
     origin: NDArray[np.float64] = field(repr=False)
     reducer: Reducer
     outputs: Outputs = Outputs.STATES
+    boundary: BoundaryCoupling = BoundaryCoupling.EXACT
+
+    def __post_init__(self) -> None:
+        if (self.boundary, self.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
+            raise OptionError("the lagged coupling needs outputs 'states'")
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -129,11 +142,19 @@ class ReducedExternal:
     def moved(self, model: DetailedModel, point: Equilibrium) -> ReducedExternal:
         """Linearized and reduced again about `point`, the equilibrium of `model`."""
         moved = _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
-        return replace(moved, outputs=self.outputs)
+        return replace(moved, outputs=self.outputs, boundary=self.boundary)
 
     def _build(self, model: DetailedModel, corrected: Sequence[UnitKey]) -> SmallModel:
+        held = None
+        if self.boundary is BoundaryCoupling.LAGGED:
+            held = HeldBoundary(self.parts.study_buses, self.parts.boundary_of_both)
         built = build_area_model(
-            model, self.area, corrected, self.parts.boundary_buses, outputs=self.outputs
+            model,
+            self.area,
+            corrected,
+            self.parts.boundary_buses,
+            outputs=self.outputs,
+            held=held,
         )
         return SmallModel(built, built, built.nonlinear_functions)
 
@@ -143,6 +164,7 @@ def reduce_external(
     reducer: Reducer | None = None,
     column_norm: float = COLUMN_NORM,
     outputs: Outputs = Outputs.STATES,
+    coupling: BoundaryCoupling = BoundaryCoupling.EXACT,
 ) -> ReducedExternal:
     """Linearize and reduce the external area at the equilibrium.
 
@@ -156,13 +178,15 @@ def reduce_external(
         Machines with at least this column norm (p.u.) stay nonlinear in the hybrid model.
     outputs : Outputs
         How the external machines act on the study area: as in the paper, or faster.
+    coupling : BoundaryCoupling
+        Boundary voltages solved for together, or taken from the previous step as in the paper.
     """
-    coupling = couple(parts)
+    norms = couple(parts)
     chosen = BalancedTruncation(tolerance=1e-5) if reducer is None else reducer
     start = Equilibrium(parts.model.x0, 0.0)
-    kept = coupling.kept(column_norm)
-    reduced = _reduce(parts, coupling, kept, chosen, parts.model, start)
-    return replace(reduced, outputs=outputs)
+    kept = norms.kept(column_norm)
+    reduced = _reduce(parts, norms, kept, chosen, parts.model, start)
+    return replace(reduced, outputs=outputs, boundary=coupling)
 
 
 def _reduce(

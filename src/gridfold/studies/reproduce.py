@@ -14,6 +14,7 @@ from enum import Enum
 
 import numpy as np
 
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -40,6 +41,12 @@ class SmallRun(Enum):
     LINEAR = "linear"
     ADAPTIVE_PARTITIONED = "adaptive_partitioned"
     ADAPTIVE_WHOLE = "adaptive_whole"
+    LINEAR_LAGGED = "linear_lagged"
+    ADAPTIVE_PARTITIONED_LAGGED = "adaptive_partitioned_lagged"
+
+
+#: The runs that the paper prints; it has them with the lagged coupling.
+PRINTED = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED, SmallRun.ADAPTIVE_WHOLE)
 
 
 class Clearing(Enum):
@@ -75,8 +82,8 @@ class CaseStudy:
         Those of the adaptive runs.
     external : ReducedExternal
         The reduced external area.
-    partitioned, whole : SmallModels
-        Models of the two versions by network state.
+    partitioned, whole, lagged : SmallModels
+        Models by network state of the two versions, and of the first with lagged coupling.
     store : mutable mapping
         Detailed models by network state.
     """
@@ -86,6 +93,7 @@ class CaseStudy:
     external: ReducedExternal
     partitioned: SmallModels = field(repr=False)
     whole: SmallModels = field(repr=False)
+    lagged: SmallModels = field(repr=False)
     store: ModelStore = field(repr=False)
 
     @property
@@ -99,14 +107,16 @@ class CaseStudy:
 
     def run(self, kind: SmallRun, events: Sequence[Event]) -> AdaptiveRun:
         """A run with small models."""
-        angle = {
-            SmallRun.LINEAR: np.inf,
-            SmallRun.ADAPTIVE_PARTITIONED: self.thresholds.partitioned_deg,
-            SmallRun.ADAPTIVE_WHOLE: self.thresholds.whole_deg,
+        partitioned_deg, whole_deg = self.thresholds.partitioned_deg, self.thresholds.whole_deg
+        family, angle = {
+            SmallRun.LINEAR: (self.partitioned, np.inf),
+            SmallRun.ADAPTIVE_PARTITIONED: (self.partitioned, partitioned_deg),
+            SmallRun.ADAPTIVE_WHOLE: (self.whole, whole_deg),
+            SmallRun.LINEAR_LAGGED: (self.lagged, np.inf),
+            SmallRun.ADAPTIVE_PARTITIONED_LAGGED: (self.lagged, partitioned_deg),
         }[kind]
         if angle is None:
             raise OptionError(f"there is no angle threshold for the run {kind.value}")
-        family = self.whole if kind is SmallRun.ADAPTIVE_WHOLE else self.partitioned
         rule = SwitchingRule(float(angle))
         return simulate_adaptive(
             self.model, family, rule, events, published.T_END, store=self.store
@@ -136,7 +146,8 @@ def _study(external: ReducedExternal, thresholds: Thresholds, store: ModelStore)
     """All models of the intact network are built here, before threads share the stores."""
     parts, model = external.parts, external.parts.model
     whole = WholeSystem(parts, external.coupling, external.kept, external.origin)
-    stores = SmallModels(external), SmallModels(whole)
+    lagged = replace(external, boundary=BoundaryCoupling.LAGGED)
+    stores = SmallModels(external), SmallModels(whole), SmallModels(lagged)
     store.setdefault(model.state, model)
     for small in stores:
         for mode in (Mode.LINEAR, Mode.HYBRID):
@@ -157,8 +168,9 @@ class FaultErrors:
     status : Status
         How the detailed run ended.
     comparisons : mapping
-        Errors of the study area's machines by run; none for a run that lost synchronism, and none at
-        all if the detailed run did.
+        Errors of the study area's machines by run; none at all if the detailed run lost synchronism.
+    lost : tuple of SmallRun
+        Runs that lost synchronism where the detailed one did not.
     largest_deviation_deg : float
         Largest angle deviation of a study-area machine in the detailed run, in degrees: the quantity
         that switching looks at.
@@ -168,6 +180,7 @@ class FaultErrors:
     clearing: float
     status: Status
     comparisons: dict[SmallRun, Comparison]
+    lost: tuple[SmallRun, ...]
     largest_deviation_deg: float
 
     def worst_deg(self, kind: SmallRun) -> float | None:
@@ -185,7 +198,7 @@ class FaultErrors:
         """Names of the runs that did not reach the end."""
         if self.status is not Status.COMPLETED:
             return ("detailed",)
-        return tuple(kind.value for kind in SmallRun if kind not in self.comparisons)
+        return tuple(kind.value for kind in self.lost)
 
 
 def fault_errors(
@@ -196,14 +209,21 @@ def fault_errors(
 ) -> FaultErrors:
     """Run a disturbance with every model of `kinds` and compare them with the detailed run."""
     detailed = study.detailed(events)
-    comparisons = {}
+    comparisons, lost = {}, []
     if detailed.status is Status.COMPLETED:
         for kind in kinds:
             other = study.run(kind, events).trajectory
             if other.status is Status.COMPLETED:
                 comparisons[kind] = compare(detailed, other, _in_service(study, detailed))
+            else:
+                lost.append(kind)
     return FaultErrors(
-        tuple(events), clearing, detailed.status, comparisons, _deviation(study, detailed)
+        tuple(events),
+        clearing,
+        detailed.status,
+        comparisons,
+        tuple(lost),
+        _deviation(study, detailed),
     )
 
 

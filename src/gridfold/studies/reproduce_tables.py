@@ -14,6 +14,7 @@ from gridfold.grid.events import BranchFault, BusFault
 from gridfold.studies import published
 from gridfold.studies.clearing_time import Fault, critical_clearing_time
 from gridfold.studies.reproduce import (
+    PRINTED,
     BusRow,
     CaseStudy,
     Clearing,
@@ -121,7 +122,7 @@ def table_3(
     calls: dict[tuple[str, str], Callable[[], object]] = {}
     for name, fault in faults.items():
         calls[name, DETAILED] = partial(study.detailed, (fault,))
-        for kind in SmallRun:
+        for kind in PRINTED:
             calls[name, kind.value] = partial(study.run, kind, (fault,))
     for call in calls.values():
         call()
@@ -199,10 +200,14 @@ def verdicts(rows: Sequence[BusRow]) -> list[Verdict]:
     wanted = published.LARGE_DISTURBANCE_BUS
     for row in complete:
         if row.bus == wanted:
-            result += [_worst_machine(row.errors, kind) for kind in row.errors.comparisons]
+            result += [
+                _worst_machine(row.errors, kind)
+                for kind in PRINTED
+                if kind in row.errors.comparisons
+            ]
     if any(row.bus == wanted for row in complete) and len(complete) > 1:
         result += [_largest_disturbance(complete)]
-        result += [_largest_error(complete, kind) for kind in SmallRun]
+        result += [_largest_error(complete, kind) for kind in PRINTED]
     return result
 
 
@@ -211,7 +216,8 @@ def _largest_state(rows: Sequence[BusRow], angle_unit: str) -> Verdict:
     scale = {"deg": 1.0, "rad": pi / 180}[angle_unit]
     total, broken = 0, []
     for row in rows:
-        for kind, comparison in row.errors.comparisons.items():
+        comparisons = row.errors.comparisons
+        for kind, comparison in ((k, comparisons[k]) for k in PRINTED if k in comparisons):
             for item in comparison.units:
                 total += 1
                 angle = scale * comparison.state_rms[f"rotor_angle:{item.unit}"]

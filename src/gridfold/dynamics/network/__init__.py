@@ -14,9 +14,9 @@ def compile_network(equations: NetworkEquations, backend: NetworkBackend) -> Com
     if backend is NetworkBackend.AUTO:
         many = len(equations.terminals) >= SPARSE_FROM
         backend = NetworkBackend.SPARSE if many else NetworkBackend.DENSE
-    return (
-        sparse_network(equations) if backend is NetworkBackend.SPARSE else dense_network(equations)
-    )
+    if backend is NetworkBackend.SPARSE:
+        return sparse_network(equations)
+    return dense_network(equations.terminal_impedance())
 
 
 __all__ = [
@@ -26,4 +26,5 @@ __all__ = [
     "NetworkEquations",
     "build_equations",
     "compile_network",
+    "dense_network",
 ]

@@ -6,18 +6,17 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridfold.dynamics.network.backend import NETWORK_SIGNATURE, CompiledNetwork
-from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.numerics.compiled import compile_callback, matrix_view
 
 #: Rows are padded with zeros to a multiple of this, so that vector instructions leave no rest.
 _PADDING = 16
 
 
-def dense_network(equations: NetworkEquations) -> CompiledNetwork:
-    """Compile the equations into one dense matrix-vector product."""
-    impedance = equations.terminal_impedance()
+def dense_network(impedance: NDArray[np.complex128]) -> CompiledNetwork:
+    """Compile an impedance matrix, (n_terminals, n_terminals), into one matrix-vector product."""
     n = len(impedance)
     width = -(-n // _PADDING) * _PADDING
     padded = np.zeros((2, n, width))

@@ -62,7 +62,9 @@ def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _loop(address, integers, reals, work, times, full_step, states, table, w_integers, w_reals):
+def _loop(
+    address, after, integers, reals, work, times, full_step, states, table, w_integers, w_reals
+):
     n = states.shape[1]
     f = np.empty((4, n))
     stage, k = np.empty(n), np.empty(n)
@@ -77,6 +79,8 @@ def _loop(address, integers, reals, work, times, full_step, states, table, w_int
             _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new)
         else:
             rk4_step(address, integers, reals, work, x, f[0], h, stage, k, x_new)
+        if after:
+            invoke(after, (integers, reals, work, x_new, k))
         history = history + 1 if full else 0
         for row in range(3, 0, -1):
             f[row] = f[row - 1]

@@ -58,8 +58,8 @@ def run_loop(
     states = np.empty((len(times), rhs.n_states))
     states[0] = x0
     done, fired = loop(
-        rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, step, states,
-        *pack_watches(watches),
+        rhs.address, rhs.after_step, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, step,
+        states, *pack_watches(watches),
     )  # fmt: skip
     return Integration(states[: done + 1], fired)
 

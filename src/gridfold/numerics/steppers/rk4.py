@@ -60,7 +60,9 @@ def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _loop(address, integers, reals, work, times, full_step, states, table, w_integers, w_reals):
+def _loop(
+    address, after, integers, reals, work, times, full_step, states, table, w_integers, w_reals
+):
     n = states.shape[1]
     f, stage, k = np.empty(n), np.empty(n), np.empty(n)
     verdict = np.zeros(1)
@@ -69,6 +71,8 @@ def _loop(address, integers, reals, work, times, full_step, states, table, w_int
         invoke(address, (integers, reals, work, x, f))
         h = times[step + 1] - times[step]
         rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new)
+        if after:
+            invoke(after, (integers, reals, work, x_new, k))
         fired = first_watch(table, w_integers, w_reals, x_new, verdict)
         if fired:
             return step + 1, fired

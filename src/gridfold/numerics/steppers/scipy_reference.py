@@ -39,6 +39,8 @@ class ScipyReference:
         watches: Sequence[Watch] = (),
     ) -> Integration:
         """Integrate from `x0` along `times`."""
+        if rhs.after_step:
+            raise OptionError("a continuous integrator cannot hold values during a step")
         from scipy.integrate import solve_ivp  # slow to import, seldom needed
 
         solution = solve_ivp(
