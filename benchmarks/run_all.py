@@ -5,18 +5,20 @@ from __future__ import annotations
 import time
 
 import clearing_times
+import error_sweeps
 import first_run
 import network_backends
 import reduced_models
 import second_case
 import speed
+import verdicts
 from report import Section, machine, one_thread, write
 
 COMMAND = "python benchmarks/run_all.py"
 
 
 def main() -> None:
-    """Run everything; the clearing times get a page of their own."""
+    """Run everything; clearing times, error sweeps and verdicts get pages of their own."""
     began = time.perf_counter()
     sections: list[Section] = []
     measures = (
@@ -29,7 +31,8 @@ def main() -> None:
     for measure in measures:
         sections.append(measure())
         print(sections[-1], end="\n\n", flush=True)
-    print(clearing_times.main(), end="\n\n", flush=True)
+    for page in (clearing_times.main, error_sweeps.main, verdicts.main):
+        print(page(), end="\n\n", flush=True)
     write("benchmarks.md", "# Benchmarks", f"{machine()} All of it: `{COMMAND}`.", *sections)
     goals = [goal for section in sections for goal in section.goals]
     missed = [goal.figure for goal in goals if not goal.met]

@@ -25,6 +25,8 @@ MADE_ELSEWHERE = {
     "benchmarks": ("make bench", 2),
     "cct": ("python benchmarks/clearing_times.py", 4),
     "reproduction": ("python benchmarks/reproduce_page.py", 2),
+    "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
+    "verdicts": ("python benchmarks/verdicts.py", 2),
 }
 
 _TABLES: dict[str, type] = {

@@ -7,6 +7,7 @@
 <Status.COMPLETED: 'completed'>
 """
 
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import NetworkBackend
 from gridfold.errors import (
@@ -42,18 +43,33 @@ from gridfold.grid.events import (
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases, load_case
 from gridfold.io.event_records import load_events
-from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, ScipyReference
+from gridfold.numerics.steppers import (
+    AdamsBashforthMoulton4,
+    ImplicitTrapezoidal,
+    RungeKutta4,
+    ScipyReference,
+)
 from gridfold.partition import Partition, partition
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
-from gridfold.reduction import BalancedTruncation, ModalTruncation
+from gridfold.reduction import (
+    BalancedTruncation,
+    ModalTruncation,
+    SingularPerturbation,
+    Unreduced,
+)
+from gridfold.reduction.interop import to_control, to_pymor
 from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.studies.calibrate import calibrate
 from gridfold.studies.clearing_time import (
     ClearingTime,
     critical_clearing_time,
     critical_clearing_times,
 )
 from gridfold.studies.compare import Comparison, compare
-from gridfold.studies.reduced import reduce_external, whole_system
+from gridfold.studies.error_budget import error_budget
+from gridfold.studies.reduced import reduce_external as reduce
+from gridfold.studies.reduced import whole_system
+from gridfold.studies.saved import load_reduced, save_reduced
 from gridfold.studies.simulate import simulate
 from gridfold.studies.small_models import SmallModels
 from gridfold.studies.small_signal import SmallSignal, small_signal
@@ -66,6 +82,7 @@ __all__ = [
     "AdamsBashforthMoulton4",
     "AngleReference",
     "BalancedTruncation",
+    "BoundaryCoupling",
     "Branch",
     "BranchFault",
     "BranchReclose",
@@ -83,6 +100,7 @@ __all__ = [
     "EventError",
     "Generator",
     "GridfoldError",
+    "ImplicitTrapezoidal",
     "InitializationError",
     "Load",
     "LoadStep",
@@ -92,12 +110,14 @@ __all__ = [
     "NetworkError",
     "OptionError",
     "OutputError",
+    "Outputs",
     "Partition",
     "PowerFlowError",
     "PowerFlowResult",
     "RungeKutta4",
     "ScipyReference",
     "Shunt",
+    "SingularPerturbation",
     "SmallModels",
     "SmallSignal",
     "Status",
@@ -105,20 +125,27 @@ __all__ = [
     "SynchronismCriterion",
     "Trajectory",
     "UnitKey",
+    "Unreduced",
     "__version__",
     "build_model",
     "built_in_cases",
+    "calibrate",
     "compare",
     "critical_clearing_time",
     "critical_clearing_times",
+    "error_budget",
     "load_case",
     "load_events",
+    "load_reduced",
     "partition",
-    "reduce_external",
+    "reduce",
+    "save_reduced",
     "simulate",
     "simulate_adaptive",
     "small_signal",
     "solve_power_flow",
+    "to_control",
+    "to_pymor",
     "validate_case",
     "whole_system",
 ]

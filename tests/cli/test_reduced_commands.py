@@ -10,6 +10,8 @@ import pytest
 
 import gridfold as gf
 from gridfold.cli.console import as_ranges, parse_buses
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.studies.saved import save_reduced
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
 
@@ -99,7 +101,7 @@ def test_the_command_runs_what_the_library_runs(command, tmp_path, npcc, parts):
     facts = record(
         command, "simulate", "npcc", *FAULT, "--t-end", 4, *options, "--npz", tmp_path / "a.npz"
     )
-    family = gf.reduce_external(parts, gf.BalancedTruncation(order=60))
+    family = gf.reduce(parts, gf.BalancedTruncation(order=60))
     rule = gf.SwitchingRule(20.0, longest_above=1.0)
     expected = gf.simulate_adaptive(npcc, family, rule, [gf.BusFault(3, duration=0.39)], 4.0)
     with np.load(tmp_path / "a.npz") as archive:
@@ -112,6 +114,8 @@ def test_the_command_runs_what_the_library_runs(command, tmp_path, npcc, parts):
         "kept": ["42:1", "50:1", "51:1", "78:1", "134:1"],
         "angle_deg": 20.0,
         "longest_above": 1.0,
+        "coupling": "exact",
+        "outputs": "states",
         "reducer": {"name": "BalancedTruncation", "tolerance": None, "order": 60},
         "order": 60,
         "bound": pytest.approx(family.reduction.bound),
@@ -266,6 +270,225 @@ def test_bad_options_end_with_exit_code_2_and_leave_nothing(
     assert err
     assert "Traceback" not in err
     assert list(tmp_path.iterdir()) == []
+
+
+def states(command, tmp_path, *arguments):
+    """States of a short run with a reduced model, and its settings."""
+    facts = record(
+        command, "simulate", "npcc", *FAULT, "--t-end", 2, *arguments, "--npz", tmp_path / "run.npz"
+    )
+    with np.load(tmp_path / "run.npz") as archive:
+        return archive["states"], facts["model_settings"]
+
+
+@pytest.mark.parametrize(
+    ("options", "choices", "angle"),
+    [
+        (
+            ("--model", "linear", "--coupling", "lagged"),
+            {"coupling": BoundaryCoupling.LAGGED},
+            np.inf,
+        ),
+        (("--model", "hybrid", "--outputs", "polar"), {"outputs": Outputs.POLAR}, 0.0),
+        (("--model", "hybrid", "--column-norm-siemens", 0.5), {"column_norm": 2.0}, 0.0),
+        (
+            ("--model", "hybrid", "--reducer", "modal", "--order", 80),
+            {"reducer": gf.ModalTruncation(80)},
+            0.0,
+        ),
+    ],
+)
+def test_coupling_outputs_norm_and_reducer_are_those_of_the_library(
+    command, tmp_path, npcc, parts, options, choices, angle
+):
+    found, settings = states(command, tmp_path, *options)
+    family = gf.reduce(parts, **choices)
+    fault, rule = gf.BusFault(3, duration=0.39), gf.SwitchingRule(angle)
+    expected = gf.simulate_adaptive(npcc, family, rule, [fault], 2.0)
+    np.testing.assert_allclose(found, expected.trajectory.states, rtol=1e-7)
+    assert settings["coupling"] == family.boundary.value
+    assert settings["outputs"] == family.outputs.value
+    assert settings["order"] == family.reduction.order
+    assert settings["reducer"]["name"] == type(family.reducer).__name__
+    assert settings.get("column_norm", 1.0) == choices.get("column_norm", 1.0)
+
+
+def test_a_projected_model_has_all_functions_with_the_lag_too(command, tmp_path):
+    exact, _ = states(command, tmp_path, "--model", "projected", "--order", 60)
+    late, settings = states(
+        command, tmp_path, "--model", "projected", "--order", 60, "--coupling", "lagged"
+    )
+    assert len(settings["kept"]) == 39
+    assert 0 < np.abs(late - exact).max() < 0.5
+
+
+def test_clearing_times_take_coupling_outputs_and_reducer(command):
+    options = ("cct", "npcc", "--buses", "17", "--t-end", 4, "--longest", 0.3, "--model", "linear")
+    for more in (
+        ("--coupling", "lagged"),
+        ("--outputs", "polar"),
+        ("--reducer", "modal", "--order", 80),
+    ):
+        assert record(command, *options, *more)[0]["cct_s"] == 0.03
+
+
+def test_a_threshold_in_siemens_is_that_in_per_unit(command):
+    same = record(command, "partition", "npcc", "--column-norm-siemens", 0.75)
+    assert same == record(command, "partition", "npcc", "--column-norm", 3)
+    assert same["threshold"] == {"per_unit": 3.0, "siemens_at_20_kv": 0.75}
+    facts = record(command, "reduce", "npcc", "--column-norm-siemens", 0.75)
+    assert (facts["column_norm"], facts["kept"]) == (3.0, ["78:1"])
+
+
+def test_modal_truncation_has_an_order_but_no_bound(command):
+    facts = record(command, "reduce", "npcc", "--reducer", "modal", "--order", 60)
+    assert facts["reducer"] == {"name": "ModalTruncation", "order": 60}
+    assert facts["order"] in (60, 61)
+    assert facts["bound"] is facts["hankel_singular_values"] is None
+
+
+@pytest.mark.parametrize("reducer", ["balanced", "modal"])
+def test_a_saved_model_runs_with_the_coupling_asked_for(command, tmp_path, reducer):
+    file = tmp_path / "reduced.npz"
+    how = ("--reducer", reducer, "--order", 60)
+    assert command("reduce", "npcc", *how, "--save", file)[0] == 0
+    for choice in (("--coupling", "lagged"), ("--outputs", "polar")):
+        expected = states(command, tmp_path, "--model", "hybrid", *how, *choice)
+        found = states(command, tmp_path, "--model", "hybrid", "--reduced", file, *choice)
+        np.testing.assert_array_equal(found[0], expected[0])
+        assert found[1] == expected[1]
+    agreeing = ("--reducer", reducer, "--column-norm-siemens", 0.25)
+    assert states(command, tmp_path, "--model", "hybrid", "--reduced", file, *agreeing)
+
+
+def test_a_file_keeps_coupling_and_outputs_until_others_are_given(command, tmp_path, parts):
+    options = ("--model", "hybrid", "--reduced", tmp_path / "reduced.npz")
+    late = gf.reduce(parts, coupling=BoundaryCoupling.LAGGED)
+    save_reduced(tmp_path / "reduced.npz", late)
+    assert states(command, tmp_path, *options)[1]["coupling"] == "lagged"
+    given = states(command, tmp_path, *options, "--coupling", "exact", "--outputs", "polar")[1]
+    assert (given["coupling"], given["outputs"]) == ("exact", "polar")
+    code, _, err = command("simulate", "npcc", *options, "--outputs", "polar")
+    assert code == 2
+    assert "the lagged coupling needs outputs 'states'" in err
+
+
+def test_the_budget_ends_with_the_error_of_the_comparison(command):
+    options = ("simulate", "npcc", *FAULT, "--t-end", 2, "--model", "linear", "--budget")
+    facts = record(command, *options)
+    rows = {row["source"]: row for row in facts["error_budget"]}
+    assert list(rows) == ["time step", "coupling", "linearization", "truncation", "all"]
+    assert all(row["status"] == "completed" for row in rows.values())
+    worst = facts["comparison"]["units"][0]
+    assert rows["all"]["error"] == pytest.approx(worst)
+    assert rows["time step"]["error"]["rms_deg"] < rows["linearization"]["error"]["rms_deg"]
+    _, out, _ = command(*options)
+    table = out[out.index("Error budget") :]
+    assert worst["unit"] in table
+    assert f"{worst['rms_deg']:.3g}" in table
+
+
+def test_a_budget_of_runs_that_end_early_tells_how_they_ended(command):
+    options = ("--fault-bus", 3, "--fault-duration", 0.7, "--t-end", 1, "--model", "linear")
+    code, out, _ = command("simulate", "npcc", *options, "--budget", "--json", "-")
+    assert code == 3
+    row = json.loads(out)["error_budget"][-1]
+    assert (row["source"], row["error"], row["status"]) == ("all", None, "lost synchronism")
+    _, out, _ = command("simulate", "npcc", *options, "--budget")
+    table = out[out.index("Error budget") :]
+    assert "none" in table
+
+
+def test_without_budget_there_is_none_in_the_record(command):
+    facts = record(command, "simulate", "npcc", "--t-end", 0.1, "--model", "linear", "--compare")
+    assert "error_budget" not in facts
+
+
+REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((*REDUCED, "detailed", "--coupling", "exact"), "--coupling has no effect on the detailed"),
+        ((*REDUCED, "detailed", "--outputs", "polar"), "--outputs has no effect on the detailed"),
+        ((*REDUCED, "detailed", "--reducer", "modal"), "--reducer has no effect on the detailed"),
+        (
+            (*REDUCED, "detailed", "--column-norm-siemens", 0.25),
+            "--column-norm-siemens has no effect on the detailed",
+        ),
+        ((*REDUCED, "projected", "--outputs", "polar"), "--outputs has no effect on the projected"),
+        ((*REDUCED, "whole", "--coupling", "lagged"), "--coupling has no effect on the whole"),
+        ((*REDUCED, "whole", "--outputs", "states"), "--outputs has no effect on the whole"),
+        ((*REDUCED, "whole", "--reducer", "balanced"), "--reducer has no effect on the whole"),
+        (
+            (*REDUCED, "hybrid", "--coupling", "lagged", "--outputs", "polar"),
+            "--coupling lagged needs --outputs states",
+        ),
+        (
+            (*REDUCED, "hybrid", "--column-norm", 1, "--column-norm-siemens", 0.25),
+            "give --column-norm or --column-norm-siemens, not both",
+        ),
+        (
+            ("partition", "npcc", "--column-norm", 1, "--column-norm-siemens", 0.25),
+            "give --column-norm or --column-norm-siemens, not both",
+        ),
+        (("partition", "npcc", "--column-norm-siemens", -1), "must be 0 or more"),
+        (("reduce", "npcc", "--reducer", "modal"), "the modal reducer needs an --order"),
+        (
+            ("reduce", "npcc", "--reducer", "modal", "--order", 60, "--tolerance", 1e-5),
+            "--tolerance has no effect on the modal reducer",
+        ),
+        (("reduce", "npcc", "--reducer", "modal", "--order", 0), "must be at least 1"),
+        (("reduce", "npcc", "--coupling", "lagged"), "No such option"),
+        (("partition", "npcc", "--order", 60), "No such option"),
+        ((*REDUCED, "detailed", "--budget"), "--budget needs a model with a reduced external area"),
+        ((*REDUCED, "whole", "--budget"), "--budget needs a model with a reduced external area"),
+        (
+            ("cct", "npcc", "--buses", 3, "--coupling", "lagged"),
+            "--coupling has no effect on the detailed",
+        ),
+        (
+            ("calibrate", "npcc", "--threshold", "whole", "--coupling", "lagged"),
+            "--coupling has no effect on the threshold of the whole system",
+        ),
+        (
+            ("calibrate", "npcc", "--threshold", "whole", "--order", 60),
+            "--order has no effect on the threshold of the whole system",
+        ),
+        (
+            ("calibrate", "npcc", "--coupling", "lagged", "--outputs", "polar"),
+            "--coupling lagged needs --outputs states",
+        ),
+        (("calibrate", "npcc", "--reducer", "modal"), "the modal reducer needs an --order"),
+    ],
+)
+def test_choices_that_contradict_each_other_are_refused_by_name(command, arguments, message):
+    code, out, err = command(*arguments)
+    assert (code, out) == (2, "")
+    assert message in " ".join(err.split())
+
+
+def test_options_that_contradict_the_reducer_of_the_file_are_refused(command, tmp_path):
+    file = tmp_path / "reduced.npz"
+    command("reduce", "npcc", "--reducer", "modal", "--order", 60, "--save", file)
+    arguments = (*REDUCED, "linear", "--reduced", file)
+    for options, message in (
+        (("--reducer", "balanced"), "is for reducer modal, not balanced"),
+        (("--tolerance", 1e-3), "is for tolerance None, not 0.001"),
+        (("--column-norm-siemens", 0.5), "is for column norm 1.0, not 2.0"),
+    ):
+        code, _, err = command(*arguments, *options)
+        assert code == 2
+        assert message in " ".join(err.split())
+
+
+def test_help_shows_options_by_group(command):
+    _, out, _ = command("simulate", "--help")
+    groups = ("Disturbance", "Runs", "Model", "Study area", "Reduction", "Switching", "Results")
+    at = [out.index(f"─ {name} ─") for name in groups]
+    assert at == sorted(at)
+    assert at[4] < out.index("--column-norm-siemens") < at[5]
 
 
 @pytest.mark.parametrize("text", ["1-36", "3", "3,7", "1-2,5,9-12,140"])

@@ -28,7 +28,7 @@ ARRAYS = {"x0": np.array([1 / 3, np.pi, 1e-300])}
 @pytest.fixture(scope="module")
 def family(npcc):
     parts = gf.partition(npcc, range(1, 37))
-    return gf.reduce_external(parts, gf.BalancedTruncation(order=60))
+    return gf.reduce(parts, gf.BalancedTruncation(order=60))
 
 
 @pytest.fixture
@@ -150,7 +150,7 @@ def test_a_loaded_model_moves_to_another_operating_point_like_the_saved_one(save
 
 def test_a_modal_truncation_can_be_saved_too(tmp_path, npcc):
     parts = gf.partition(npcc, range(1, 37))
-    modal = gf.reduce_external(parts, gf.ModalTruncation(order=80))
+    modal = gf.reduce(parts, gf.ModalTruncation(order=80))
     save_reduced(tmp_path / "m.npz", modal)
     loaded = load_reduced(tmp_path / "m.npz", npcc).family
     assert loaded.reducer == gf.ModalTruncation(order=80)

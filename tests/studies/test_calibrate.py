@@ -7,6 +7,7 @@ import pytest
 
 import gridfold as gf
 from gridfold.cli import main
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.studies.calibrate import (
     ANGLES_DEG,
     COLUMN_NORMS,
@@ -33,7 +34,7 @@ def worst_error(parts, family, angle_deg, fault):
 
 def test_the_angle_found_satisfies_and_one_degree_more_does_not(parts):
     kind = ThresholdKind.PARTITIONED
-    family = gf.SmallModels(gf.reduce_external(parts))
+    family = gf.SmallModels(gf.reduce(parts))
     middle = worst_error(parts, family, 110.0, FAULTS[1]).rms_deg
     result = calibrate(parts, FAULTS, T_END, limit_deg=middle * 1.0001, what=[kind])
     found = result.thresholds[kind]
@@ -51,7 +52,7 @@ def test_the_angle_found_satisfies_and_one_degree_more_does_not(parts):
 
 def test_the_column_norm_found_satisfies_and_the_next_shorter_list_of_machines_does_not(parts):
     kind = ThresholdKind.COLUMN_NORM
-    enough = gf.reduce_external(parts, column_norm=1.1)
+    enough = gf.reduce(parts, column_norm=1.1)
     limit = worst_error(parts, enough, 0.0, FAULTS[1]).rms_deg * 1.0001
     result = calibrate(parts, FAULTS, T_END, limit_deg=limit, what=[kind])
     found = result.thresholds[kind]
@@ -60,11 +61,30 @@ def test_the_column_norm_found_satisfies_and_the_next_shorter_list_of_machines_d
     assert result.column_norm == found.value
     shorter = result.coupling.kept(found.value + 0.1)
     assert len(shorter) < len(result.kept)
-    family = gf.reduce_external(parts, column_norm=found.value + 0.1)
+    family = gf.reduce(parts, column_norm=found.value + 0.1)
     assert family.kept == shorter
     rejected = [worst_error(parts, family, 0.0, fault).rms_deg for fault in FAULTS]
     assert max(rejected) >= limit
     assert found.binding.rms_deg == pytest.approx(max(rejected))
+
+
+@pytest.mark.parametrize(
+    "options", [{"outputs": Outputs.POLAR}, {"coupling": BoundaryCoupling.LAGGED}]
+)
+def test_errors_are_those_of_the_outputs_and_the_coupling_asked_for(parts, options):
+    kind = ThresholdKind.PARTITIONED
+    result = calibrate(parts, FAULTS[1:], T_END, limit_deg=179.0, what=[kind], **options)
+    family = gf.reduce(parts, **options)
+    assert (result.outputs, result.boundary) == (family.outputs, family.boundary)
+    expected = worst_error(parts, family, 180.0, FAULTS[1])
+    assert result.thresholds[kind].worst.rms_deg == pytest.approx(expected.rms_deg)
+    exact = worst_error(parts, gf.reduce(parts), 180.0, FAULTS[1])
+    assert expected.rms_deg != pytest.approx(exact.rms_deg, rel=1e-6)
+
+
+def test_polar_outputs_with_a_lag_are_refused(parts):
+    with pytest.raises(gf.OptionError, match="lagged coupling needs outputs 'states'"):
+        calibrate(parts, FAULTS, outputs=Outputs.POLAR, coupling=BoundaryCoupling.LAGGED)
 
 
 def test_thresholds_do_not_depend_on_the_number_of_threads(parts):
@@ -158,6 +178,20 @@ def test_the_command_writes_thresholds_and_what_binds_them(monkeypatch, capsys):
     buses = [error["events"][0]["bus"] for error in norm["errors"]]
     assert buses == [22, 3]
     assert record["left_out"] == []
+    assert (record["coupling"], record["outputs"]) == ("exact", "states")
+
+
+def test_the_command_calibrates_with_coupling_reducer_and_norm_asked_for(monkeypatch, capsys):
+    code, text = run_command(
+        monkeypatch, capsys, "npcc", "--event", "bus-fault bus=22 duration=0.1", "--t-end", 1,
+        "--limit", 179, "--threshold", "partitioned", "--coupling", "lagged", "--reducer", "modal",
+        "--order", 80, "--column-norm-siemens", 0.75, "--json", "-",
+    )  # fmt: skip
+    assert code == 0
+    record = json.loads(text.out)
+    assert (record["coupling"], record["outputs"]) == ("lagged", "states")
+    assert record["reducer"] == {"name": "ModalTruncation", "order": 80}
+    assert (record["column_norm"], record["kept"]) == (3.0, ["78:1"])
 
 
 def test_the_command_tells_by_its_exit_code_that_there_is_no_threshold(monkeypatch, capsys):

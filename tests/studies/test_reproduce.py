@@ -195,7 +195,7 @@ def test_record_keeps_its_contract_and_is_json(study, rows):
         "state", "unit", "linear", "adaptive_partitioned", "adaptive_whole", "paper"
     }  # fmt: skip
     assert len(record["table2"]) == 9
-    assert len(reproduction_tables(result)) == 3
+    assert len(reproduction_tables(result)) == 4
 
 
 def test_switches_and_the_map_are_drawn(study, tmp_path):

@@ -8,34 +8,21 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gridfold.cli.choice import ModelChoice, StudyArea
+from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
-    AngleDegOption,
-    AngleLimitOption,
-    CaseArgument,
-    ColumnNormOption,
-    EndOption,
-    JsonOption,
-    LongestAboveOption,
-    Method,
-    MethodOption,
-    ModelKind,
-    ModelOption,
-    OrderOption,
-    ReducedFileOption,
-    StepOption,
-    StudyAreasOption,
-    StudyBusesOption,
-    StudyZonesOption,
-    ToleranceOption,
-    err,
-    make_stepper,
     out,
     parse_buses,
     speaks_to_people,
+    stage_bars,
     write_json_option,
+)
+from gridfold.cli.options import (
+    CaseArgument,
+    JsonOption,
+    RunOptions,
+    WorkersOption,
+    run_option,
 )
 from gridfold.dynamics.model import build_model
 from gridfold.grid.events import BusFault
@@ -54,7 +41,6 @@ from gridfold.report.tables import (
 from gridfold.studies.clearing_time import ClearingTime, critical_clearing_times
 from gridfold.studies.simulate import simulate
 from gridfold.studies.small_signal import SmallSignal, small_signal
-from gridfold.studies.synchronism import SynchronismCriterion
 
 
 class ModeOrder(Enum):
@@ -133,25 +119,11 @@ def eigenvalues(
 def cct(
     case: CaseArgument,
     buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
-    resolution: Annotated[float, typer.Option(help="Grid of clearing times (s).")] = 0.01,
-    longest: Annotated[float, typer.Option(help="Longest clearing time tried (s).")] = 2.0,
-    t_end: EndOption = 16.0,
-    step: StepOption = None,
-    method: MethodOption = Method.RK4,
-    angle_limit: AngleLimitOption = 180.0,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
-    ] = None,
-    model: ModelOption = ModelKind.DETAILED,
-    study_buses: StudyBusesOption = None,
-    study_areas: StudyAreasOption = None,
-    study_zones: StudyZonesOption = None,
-    column_norm: ColumnNormOption = None,
-    tolerance: ToleranceOption = None,
-    order: OrderOption = None,
-    angle_deg: AngleDegOption = None,
-    longest_above: LongestAboveOption = None,
-    reduced: ReducedFileOption = None,
+    runs: RunOptions,
+    choice: ModelChoice,
+    resolution: Annotated[float, run_option(help="Grid of clearing times (s).")] = 0.01,
+    longest: Annotated[float, run_option(help="Longest clearing time tried (s).")] = 2.0,
+    workers: WorkersOption = None,
     json: JsonOption = None,
 ) -> None:
     """Critical clearing times of three-phase faults at buses, on all cores.
@@ -160,40 +132,29 @@ def cct(
 
     Example: gridfold cct npcc --buses 1-36 --json cct.json
     """
-    area = StudyArea(study_buses, study_areas, study_zones)
-    choice = ModelChoice(
-        model, area, column_norm, order, tolerance, angle_deg, longest_above, reduced
-    )
     faults = [BusFault(bus) for bus in parse_buses(buses)]
-    stepper = make_stepper(method, step)
-    criterion = SynchronismCriterion(angle_limit)
+    stepper, criterion = runs.stepper, runs.criterion
     grid = build_model(load_case(case))
     simulator = choice.build(grid, case) or simulate
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task("clearing times", total=len(faults))
+    with stage_bars() as bars:
         times = critical_clearing_times(
             grid,
             faults,
             workers,
-            on_done=lambda _: progress.advance(task),
+            on_done=bars.counter("clearing times", len(faults)),
             resolution=resolution,
             longest=longest,
-            t_end=t_end,
+            t_end=runs.t_end,
             stepper=stepper,
             criterion=criterion,
             simulator=simulator,
         )
-    write_json_option(json, [_clearing_record(item) | {"model": model.value} for item in times])
+    name = choice.model.value
+    write_json_option(json, [_clearing_record(item) | {"model": name} for item in times])
     if speaks_to_people(json):
         out.print(clearing_table(times))
         out.print(
-            f"Synchronism is lost at {criterion}; runs of {t_end:g} s on the {model.value} model."
+            f"Synchronism is lost at {criterion}; runs of {runs.t_end:g} s on the {name} model."
         )
 
 

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from gridfold.cli import analysis, reduced, run
 from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
+from gridfold.cli.option_groups import flat
 from gridfold.cli.reproduce import reproduce
 from gridfold.errors import GridfoldError
 from gridfold.version import __version__
@@ -23,15 +24,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-app.command("demo")(run.demo)
-app.command("simulate")(run.simulate)
-app.command("info")(analysis.info)
-app.command("eigenvalues")(analysis.eigenvalues)
-app.command("cct")(analysis.cct)
-app.command("partition")(reduced.partition)
-app.command("reduce")(reduced.reduce)
-app.command("calibrate")(calibrate)
-app.command("reproduce")(reproduce)
+for command in (
+    run.demo,
+    run.simulate,
+    analysis.info,
+    analysis.eigenvalues,
+    analysis.cct,
+    reduced.partition,
+    reduced.reduce,
+    calibrate,
+    reproduce,
+):
+    app.command()(flat(command))
 
 
 def _show_version(wanted: bool) -> None:

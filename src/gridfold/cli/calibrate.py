@@ -7,42 +7,41 @@ from enum import Enum
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 from rich.table import Table
 
-from gridfold.cli.choice import StudyArea
 from gridfold.cli.console import (
-    AngleLimitOption,
-    CaseArgument,
-    EndOption,
     ExitCode,
-    JsonOption,
-    Method,
-    MethodOption,
-    StepOption,
-    StudyAreasOption,
-    StudyBusesOption,
-    StudyZonesOption,
+    StageBars,
     as_ranges,
-    err,
-    make_stepper,
     out,
     parse_buses,
     speaks_to_people,
+    stage_bars,
     write_json_option,
 )
+from gridfold.cli.option_groups import given, refuse
+from gridfold.cli.options import (
+    AngleNormOptions,
+    AreaOptions,
+    BoundaryOptions,
+    CaseArgument,
+    JsonOption,
+    ReductionOptions,
+    RunOptions,
+    WorkersOption,
+)
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import load_case
 from gridfold.io.event_records import event_record, parse_event
-from gridfold.numerics.steppers import Stepper
-from gridfold.partition import Partition, partition
+from gridfold.partition import Partition, couple, partition
+from gridfold.reduction import Reducer
 from gridfold.studies.calibrate import Calibration, Threshold, ThresholdKind
 from gridfold.studies.calibrate import calibrate as run_calibration
 from gridfold.studies.clearing_time import critical_clearing_times
 from gridfold.studies.contingency_errors import AngleError, Contingency
-from gridfold.studies.contingency_errors import Progress as Step
-from gridfold.studies.synchronism import SynchronismCriterion
+from gridfold.studies.saved import reducer_record
 
 
 class ThresholdChoice(Enum):
@@ -58,9 +57,11 @@ _KINDS = {choice: ThresholdKind[choice.name] for choice in ThresholdChoice}
 
 def calibrate(
     case: CaseArgument,
-    study_buses: StudyBusesOption = None,
-    study_areas: StudyAreasOption = None,
-    study_zones: StudyZonesOption = None,
+    area: AreaOptions,
+    runs: RunOptions,
+    boundary: BoundaryOptions,
+    norm: AngleNormOptions,
+    reduction: ReductionOptions,
     buses: Annotated[
         str | None,
         typer.Option(
@@ -77,17 +78,7 @@ def calibrate(
         list[ThresholdChoice] | None,
         typer.Option(help="What to calibrate; may be repeated.", show_default="all three"),
     ] = None,
-    column_norm: Annotated[
-        float | None,
-        typer.Option(help="Column norm (p.u.) for the angles.", show_default="the calibrated one"),
-    ] = None,
-    t_end: EndOption = 16.0,
-    step: StepOption = None,
-    method: MethodOption = Method.RK4,
-    angle_limit: AngleLimitOption = 180.0,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Threads.", show_default="one a core")
-    ] = None,
+    workers: WorkersOption = None,
     json: JsonOption = None,
 ) -> None:
     """Find the thresholds with which all rotor-angle errors in the study area stay below a limit.
@@ -96,78 +87,58 @@ def calibrate(
 
     Example: gridfold calibrate npcc --study-buses 1-36 --buses 1-36 --limit 6
     """
-    stepper = make_stepper(method, step)
-    criterion = SynchronismCriterion(angle_limit)
+    what = [_KINDS[choice] for choice in threshold or ThresholdChoice]
+    if set(what) == {ThresholdKind.WHOLE}:
+        refuse(given(boundary) + given(reduction), "the threshold of the whole system")
+    reducer = reduction.build()
     events = [parse_event(text) for text in event or []]
     faulted = None if buses is None else parse_buses(buses)
     model = build_model(load_case(case))
-    area = StudyArea(study_buses, study_areas, study_zones)
     parts = partition(model, area.find(model.case, case))
     if faulted is None:
         faulted = [] if events else sorted(parts.study_buses)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        bars = _Bars(progress)
+    with stage_bars() as bars:
         result = run_calibration(
             parts,
-            [*_critical(model, faulted, t_end, stepper, criterion, workers, bars), *events],
-            t_end,
-            stepper,
+            [*_critical(model, faulted, runs, workers, bars), *events],
+            runs.t_end,
+            runs.stepper,
+            reducer,
             limit_deg=limit,
-            what=[_KINDS[choice] for choice in threshold or ThresholdChoice],
-            column_norm=column_norm,
-            criterion=criterion,
+            what=what,
+            column_norm=norm.given(couple(parts)),
+            criterion=runs.criterion,
             workers=workers,
-            on_progress=bars.show,
+            on_progress=lambda step: bars.show(*step),
+            outputs=boundary.outputs or Outputs.STATES,
+            coupling=boundary.coupling or BoundaryCoupling.EXACT,
         )
-    write_json_option(json, _record(parts, result))
+    write_json_option(json, _record(parts, result, reducer))
     if speaks_to_people(json):
         _print(result)
     if any(found.value is None for found in result.thresholds.values()):
         raise typer.Exit(ExitCode.FAILED)
 
 
-class _Bars:
-    """One bar for each stage."""
-
-    def __init__(self, progress: Progress):
-        self.progress = progress
-        self._tasks: dict[str, TaskID] = {}
-
-    def show(self, step: Step) -> None:
-        """Show how far a stage is."""
-        if step.stage not in self._tasks:
-            self._tasks[step.stage] = self.progress.add_task(step.stage)
-        self.progress.update(self._tasks[step.stage], completed=step.done, total=step.total)
-
-
 def _critical(
     model: DetailedModel,
     buses: list[int],
-    t_end: float,
-    stepper: Stepper,
-    criterion: SynchronismCriterion,
+    runs: RunOptions,
     workers: int | None,
-    bars: _Bars,
+    bars: StageBars,
 ) -> list[Event]:
     """Faults at buses with their critical clearing times."""
     if not buses:
         return []
-    done: list[object] = []
-
-    def advance(item: object) -> None:
-        done.append(item)
-        bars.show(Step("clearing times", len(done), len(buses)))
-
     times = critical_clearing_times(
         model,
         [BusFault(bus) for bus in buses],
         workers,
-        advance,
-        longest=min(2.0, t_end / 2),
-        t_end=t_end,
-        stepper=stepper,
-        criterion=criterion,
+        bars.counter("clearing times", len(buses)),
+        longest=min(2.0, runs.t_end / 2),
+        t_end=runs.t_end,
+        stepper=runs.stepper,
+        criterion=runs.criterion,
     )
     return [item.fault for item in times]
 
@@ -225,7 +196,7 @@ def _text(contingency: Contingency) -> str:
     return "; ".join(texts)
 
 
-def _record(parts: Partition, result: Calibration) -> dict[str, Any]:
+def _record(parts: Partition, result: Calibration, reducer: Reducer) -> dict[str, Any]:
     siemens = result.coupling.siemens
     thresholds = {}
     for choice, kind in _KINDS.items():
@@ -248,6 +219,9 @@ def _record(parts: Partition, result: Calibration) -> dict[str, Any]:
         "study_buses": as_ranges(parts.study_buses),
         "limit_deg": result.limit_deg,
         "column_norm": result.column_norm,
+        "coupling": result.boundary.value,
+        "outputs": result.outputs.value,
+        "reducer": reducer_record(reducer),
         "kept": [str(unit) for unit in result.kept],
         "thresholds": thresholds,
         "left_out": [

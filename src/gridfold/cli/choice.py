@@ -5,160 +5,191 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from enum import Enum
+from math import inf, isclose
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from gridfold.cli.console import ModelKind, as_ranges, parse_buses
+from gridfold.cli.console import as_ranges
+from gridfold.cli.option_groups import given, refuse
+from gridfold.cli.options import (
+    AreaOptions,
+    BoundaryOptions,
+    NormOptions,
+    ReducerKind,
+    ReductionOptions,
+    SwitchingOptions,
+    model_option,
+)
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
-from gridfold.grid.case import Case
 from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
-from gridfold.partition import Partition, partition, study_buses
-from gridfold.reduction import BalancedTruncation
+from gridfold.partition import Partition, couple, partition
+from gridfold.reduction import BalancedTruncation, ModalTruncation
 from gridfold.studies.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
-from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal, reduce_external, whole_system
+from gridfold.studies.error_budget import ErrorBudget, error_budget
+from gridfold.studies.reduced import (
+    ReducedExternal,
+    WholeSystem,
+    reduce_external,
+    whole_system,
+)
 from gridfold.studies.saved import SavedReduction, load_reduced, reducer_record
 from gridfold.studies.simulate import ModelStore
 from gridfold.studies.small_models import SmallModels
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory, UsedModel
 
-#: Areas that are the study area of a built-in case if nothing else is asked for.
-_STUDY_AREAS = {"npcc": (1,), "npcc-pst": (1,)}
+
+class ModelKind(Enum):
+    """Which model is simulated."""
+
+    DETAILED = "detailed"
+    LINEAR = "linear"
+    PROJECTED = "projected"
+    HYBRID = "hybrid"
+    ADAPTIVE = "adaptive"
+    WHOLE = "whole"
+
+
 #: Thresholds of the angle deviation in degrees by which the paper switches.
 _ANGLES = {ModelKind.ADAPTIVE: 67.0, ModelKind.WHOLE: 6.0}
-_TOLERANCE = 1e-5
 _LONGEST_ABOVE = 5.0
+_REDUCERS = {
+    BalancedTruncation.__name__: ReducerKind.BALANCED,
+    ModalTruncation.__name__: ReducerKind.MODAL,
+}
 
 
 @dataclass(frozen=True)
-class StudyArea:
-    """A study area as given on the command line; None where nothing is given."""
+class ExternalOptions:
+    """The external area: which it is, and how it is reduced."""
 
-    buses: str | None = None
-    areas: str | None = None
-    zones: str | None = None
-
-    @property
-    def given(self) -> bool:
-        """Whether it is given at all."""
-        return (self.buses, self.areas, self.zones) != (None, None, None)
-
-    def find(self, case: Case, source: str) -> frozenset[int]:
-        """Its bus numbers in `case`, which was loaded from `source`."""
-        if self.given:
-            texts = {"buses": self.buses, "areas": self.areas, "zones": self.zones}
-            given = {kind: parse_buses(t, kind) for kind, t in texts.items() if t is not None}
-            return study_buses(case, **given)
-        if source in _STUDY_AREAS:
-            return study_buses(case, areas=_STUDY_AREAS[source])
-        raise OptionError(
-            f"case {case.name} has no study area of its own; give it with --study-buses, "
-            "--study-areas or --study-zones"
-        )
-
-
-@dataclass(frozen=True)
-class ModelChoice:
-    """A model as chosen on the command line; None where nothing is given."""
-
-    kind: ModelKind
-    area: StudyArea
-    column_norm: float | None = None
-    order: int | None = None
-    tolerance: float | None = None
-    angle_deg: float | None = None
-    longest_above: float | None = None
-    file: Path | None = None
-
-    def __post_init__(self) -> None:
-        given = {
-            "--study-buses, --study-areas and --study-zones": self.area.given or None,
-            "--column-norm": self.column_norm,
-            "--order": self.order,
-            "--tolerance": self.tolerance,
-            "--reduced": self.file,
-            "--angle-deg": self.angle_deg,
-            "--longest-above": self.longest_above,
-        }
-        unused = list(given)
-        if self.kind is ModelKind.WHOLE:
-            unused = ["--order", "--tolerance", "--reduced"]
-        elif self.kind is not ModelKind.DETAILED:
-            unused = [] if self.kind in _ANGLES else ["--angle-deg", "--longest-above"]
-        for name in unused:
-            if given[name] is not None:
-                raise OptionError(f"{name} has no effect on the {self.kind.value} model")
-
-    def build(self, model: DetailedModel, source: str) -> ReducedSimulator | None:
-        """What simulates it, for `model` of the case from `source`; None for the detailed model."""
-        if self.kind is ModelKind.DETAILED:
-            return None
-        began = time.perf_counter()
-        rule = self._rule()
-        if self.kind is ModelKind.WHOLE:
-            norm = COLUMN_NORM if self.column_norm is None else self.column_norm
-            whole = whole_system(partition(model, self.area.find(model.case, source)), norm)
-            settings = model_settings(whole.parts, norm, whole.kept) | _rule_record(rule)
-            small = SmallModels(whole)
-            parts = whole.parts
-        else:
-            family, norm = self.reduce(model, source)
-            if self.kind is ModelKind.PROJECTED:
-                family = replace(family, kept=family.parts.external_units)
-            settings = self._settings(family, norm, rule)
-            small, parts = SmallModels(family), family.parts
-        used = UsedModel(self.kind.value, settings)
-        return ReducedSimulator(parts, small, rule, used, time.perf_counter() - began)
+    area: AreaOptions
+    norm: NormOptions
+    reduction: ReductionOptions
 
     def reduce(self, model: DetailedModel, source: str) -> SavedReduction:
-        """The reduced external area, from the file if one is given."""
-        if self.file is not None:
-            return self._load(self.file, model)
-        norm = COLUMN_NORM if self.column_norm is None else self.column_norm
-        tolerance = _TOLERANCE if self.order is None and self.tolerance is None else self.tolerance
-        reducer = BalancedTruncation(tolerance=tolerance, order=self.order)
+        """Reduce it, for `model` of the case from `source`."""
+        reducer = self.reduction.build()
         parts = partition(model, self.area.find(model.case, source))
+        norm = self.norm.per_unit(couple(parts))
         return SavedReduction(reduce_external(parts, reducer, norm), norm)
 
-    def _load(self, path: Path, model: DetailedModel) -> SavedReduction:
+    def load(self, path: Path, model: DetailedModel) -> SavedReduction:
         """The file's content; what is also given on the command line has to agree with it."""
         saved = load_reduced(path, model)
         reducer = reducer_record(saved.family.reducer)
+        kind = self.reduction.reducer
         buses = saved.family.parts.study_buses
-        asked = self.area.find(model.case, "") if self.area.given else buses
+        asked = self.area.find(model.case, "") if given(self.area) else buses
+        norm = self.norm.given(saved.family.coupling)
+        if norm is not None and isclose(norm, saved.column_norm):
+            norm = saved.column_norm
         for name, wanted, there in (
             ("study buses", as_ranges(asked), as_ranges(buses)),
-            ("column norm", self.column_norm, saved.column_norm),
-            ("order", self.order, reducer.get("order")),
-            ("tolerance", self.tolerance, reducer.get("tolerance")),
+            ("column norm", norm, saved.column_norm),
+            ("reducer", kind and kind.value, _REDUCERS[reducer["name"]].value),
+            ("order", self.reduction.order, reducer.get("order")),
+            ("tolerance", self.reduction.tolerance, reducer.get("tolerance")),
         ):
             if wanted is not None and wanted != there:
                 raise OptionError(f"{path}: the file is for {name} {there}, not {wanted}")
         return saved
 
+
+@dataclass(frozen=True, kw_only=True)
+class ModelChoice:
+    """Which model is simulated."""
+
+    model: Annotated[
+        ModelKind,
+        model_option(
+            help="The detailed model; the external area linear, projected (all its functions as "
+            "they are), hybrid, or adaptive; whole: adaptive without partition."
+        ),
+    ] = ModelKind.DETAILED
+    reduced: Annotated[
+        Path | None, model_option(help="Reduced external area from gridfold reduce.")
+    ] = None
+    boundary: BoundaryOptions
+    external: ExternalOptions
+    switching: SwitchingOptions
+
+    def __post_init__(self) -> None:
+        refuse(self._unused(), f"the {self.model.value} model")
+
+    def _unused(self) -> list[str]:
+        """Options that are given and have no effect on the model."""
+        if self.partitioned:
+            names = [] if self.model is ModelKind.ADAPTIVE else given(self.switching)
+            # The projected model has no linear machines that could act by polar outputs.
+            projected = self.model is ModelKind.PROJECTED and self.boundary.outputs is not None
+            return [*names, "--outputs"] if projected else names
+        names = given(self.boundary) + ([] if self.reduced is None else ["--reduced"])
+        if self.model is ModelKind.WHOLE:
+            return names + given(self.external.reduction)
+        return names + given(self.external) + given(self.switching)
+
+    @property
+    def partitioned(self) -> bool:
+        """Whether its external area is reduced."""
+        return self.model not in (ModelKind.DETAILED, ModelKind.WHOLE)
+
+    def build(self, model: DetailedModel, source: str) -> ReducedSimulator | None:
+        """What simulates it, for `model` of the case from `source`; None for the detailed model."""
+        if self.model is ModelKind.DETAILED:
+            return None
+        began = time.perf_counter()
+        rule = self._rule()
+        family: ReducedExternal | WholeSystem
+        if self.model is ModelKind.WHOLE:
+            parts = partition(model, self.external.area.find(model.case, source))
+            norm = self.external.norm.per_unit(couple(parts))
+            family = whole_system(parts, norm)
+            settings = model_settings(parts, norm, family.kept) | _rule_record(rule)
+        else:
+            family, norm = self._reduce(model, source)
+            settings = self._settings(family, norm, rule)
+        used = UsedModel(self.model.value, settings)
+        seconds = time.perf_counter() - began
+        return ReducedSimulator(family, SmallModels(family), rule, used, seconds)
+
+    def _reduce(self, model: DetailedModel, source: str) -> SavedReduction:
+        """The reduced external area, from the file if one is given."""
+        if self.reduced is None:
+            family, norm = self.external.reduce(model, source)
+        else:
+            family, norm = self.external.load(self.reduced, model)
+        if self.model is ModelKind.PROJECTED:
+            family = replace(family, kept=family.parts.external_units)
+        return SavedReduction(self.boundary.applied(family), norm)
+
     def _rule(self) -> SwitchingRule:
-        if self.kind is ModelKind.LINEAR:
+        if self.model is ModelKind.LINEAR:
             return SwitchingRule(inf)
-        if self.kind not in _ANGLES:
+        if self.model not in _ANGLES:
             return SwitchingRule(0.0)
-        angle = _ANGLES[self.kind] if self.angle_deg is None else self.angle_deg
-        longest = _LONGEST_ABOVE if self.longest_above is None else self.longest_above
-        return SwitchingRule(angle, longest)
+        angle, longest = self.switching.angle_deg, self.switching.longest_above
+        return SwitchingRule(
+            _ANGLES[self.model] if angle is None else angle,
+            _LONGEST_ABOVE if longest is None else longest,
+        )
 
     def _settings(
         self, family: ReducedExternal, norm: float, rule: SwitchingRule
     ) -> dict[str, Any]:
         settings = model_settings(family.parts, norm, family.kept)
-        if self.kind is not ModelKind.HYBRID and self.kind is not ModelKind.ADAPTIVE:
+        if self.model is not ModelKind.HYBRID and self.model is not ModelKind.ADAPTIVE:
             del settings["column_norm"]
-        if self.kind is ModelKind.LINEAR:
+        if self.model is ModelKind.LINEAR:
             settings["kept"] = []
-        if self.kind is ModelKind.ADAPTIVE:
+        if self.model is ModelKind.ADAPTIVE:
             settings |= _rule_record(rule)
         return settings | {
+            "coupling": family.boundary.value,
+            "outputs": family.outputs.value,
             "reducer": reducer_record(family.reducer),
             "order": family.reduction.order,
             "bound": family.reduction.bound,
@@ -187,7 +218,7 @@ class ReducedSimulator:
     `seconds` were spent on building it, `used` is what the results say about it.
     """
 
-    parts: Partition
+    family: ReducedExternal | WholeSystem
     small: SmallModels
     rule: SwitchingRule
     used: UsedModel
@@ -207,6 +238,12 @@ class ReducedSimulator:
             model, self.small, self.rule, events, t_end, stepper, criterion, store
         )
         return replace(run, trajectory=replace(run.trajectory, used_model=self.used))
+
+    def budget(self, events: Sequence[Event], t_end: float, stepper: Stepper) -> ErrorBudget:
+        """The error by its causes."""
+        if isinstance(self.family, WholeSystem):
+            raise OptionError("an error budget needs a reduced external area")
+        return error_budget(self.family, self.rule, events, t_end, stepper)
 
     def __call__(
         self,

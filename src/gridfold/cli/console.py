@@ -1,21 +1,28 @@
-"""What all commands share: terminals, exit codes, options as text."""
+"""What all commands share: terminals, progress bars, exit codes, options as text."""
 
 from __future__ import annotations
 
 import json
 import re
 import sys
-from collections.abc import Iterable, Mapping
-from enum import Enum, IntEnum
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from gridfold.errors import OptionError
 from gridfold.io.results import write_json
-from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
 from gridfold.systems.status import Status
 
 out = Console()
@@ -36,96 +43,12 @@ class ExitCode(IntEnum):
     LOST_SYNCHRONISM = 3
 
 
-class Method(Enum):
-    """Integration rules by name."""
-
-    RK4 = "rk4"
-    ABM4 = "abm4"
-
-
-CaseArgument = Annotated[
-    str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")
-]
-EndOption = Annotated[float, typer.Option(help="End of each run (s).")]
-StepOption = Annotated[
-    float | None, typer.Option(help="Time step (s).", show_default="0.01; abm4 0.02")
-]
-MethodOption = Annotated[Method, typer.Option(help="Integration rule.")]
-AngleLimitOption = Annotated[
-    float, typer.Option(help="Angle from the centre of inertia at which synchronism is lost (deg).")
-]
-JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
-
-
-class ModelKind(Enum):
-    """Which model is simulated."""
-
-    DETAILED = "detailed"
-    LINEAR = "linear"
-    PROJECTED = "projected"
-    HYBRID = "hybrid"
-    ADAPTIVE = "adaptive"
-    WHOLE = "whole"
-
-
-ModelOption = Annotated[
-    ModelKind,
-    typer.Option(
-        help="The detailed model; the external area linear, projected (all its functions as they "
-        "are), hybrid, or adaptive; whole: adaptive without partition."
-    ),
-]
-StudyBusesOption = Annotated[
-    str | None,
-    typer.Option(help="Buses of the study area, such as 1-36.", show_default="npcc: area 1"),
-]
-StudyAreasOption = Annotated[str | None, typer.Option(help="Areas in the study area.")]
-StudyZonesOption = Annotated[str | None, typer.Option(help="Zones in the study area.")]
-ColumnNormOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Column norm (p.u.) from which functions stay nonlinear.", show_default="1.0"
-    ),
-]
-ToleranceOption = Annotated[
-    float | None,
-    typer.Option(help="Bound of the balanced truncation's error.", show_default="1e-5"),
-]
-OrderOption = Annotated[
-    int | None, typer.Option(help="States of the reduced external area, instead of a tolerance.")
-]
-AngleDegOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Angle deviation (deg) above which the hybrid model is used.",
-        show_default="67; whole 6",
-    ),
-]
-LongestAboveOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Time (s) above it after which the operating point is looked for anew.",
-        show_default="5",
-    ),
-]
-ReducedFileOption = Annotated[
-    Path | None, typer.Option("--reduced", help="Reduced external area from gridfold reduce.")
-]
-
-
 def exit_code(status: Status) -> ExitCode:
     """Exit code that tells how a run ended."""
     return {
         Status.COMPLETED: ExitCode.COMPLETED,
         Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,
     }.get(status, ExitCode.FAILED)
-
-
-def make_stepper(method: Method, step: float | None) -> Stepper:
-    """The stepper of a name; its own default step if `step` is None."""
-    if method is Method.ABM4:
-        return AdamsBashforthMoulton4() if step is None else AdamsBashforthMoulton4(step)
-    return RungeKutta4() if step is None else RungeKutta4(step)
 
 
 def parse_buses(text: str, what: str = "buses") -> list[int]:
@@ -164,3 +87,35 @@ def write_json_option(path: str | None, data: Mapping[str, Any] | list[Any]) -> 
 def speaks_to_people(json_path: str | None) -> bool:
     """Whether tables go to standard output: not if JSON goes there."""
     return json_path != "-"
+
+
+class StageBars:
+    """Progress bars, one for each stage."""
+
+    def __init__(self, progress: Progress):
+        self.progress = progress
+        self._tasks: dict[str, TaskID] = {}
+
+    def show(self, stage: str, done: int, total: int) -> None:
+        """Show how many steps of a stage are done."""
+        if stage not in self._tasks:
+            self._tasks[stage] = self.progress.add_task(stage, total=total)
+        self.progress.update(self._tasks[stage], completed=done, total=total)
+
+    def counter(self, stage: str, total: int) -> Callable[[object], None]:
+        """Show a stage; what is returned is called after each of its steps."""
+        self.show(stage, 0, total)
+        return lambda _: self.progress.advance(self._tasks[stage])
+
+
+@contextmanager
+def stage_bars() -> Iterator[StageBars]:
+    """Bars on standard error that vanish at the end; nothing if that is not a terminal."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        yield StageBars(progress)

@@ -14,9 +14,10 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
-from gridfold.report.tables import error_table, facts_table, switch_table
+from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
 from gridfold.studies.adaptive import Switch
 from gridfold.studies.compare import Comparison, UnitError, compare
+from gridfold.studies.error_budget import ErrorBudget
 from gridfold.studies.simulate import ModelStore, simulate
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
@@ -33,6 +34,7 @@ class Outcome:
     detailed: Trajectory | None = None
     comparison: Comparison | None = None
     note: str | None = None
+    budget: ErrorBudget | None = None
 
     def record(self) -> dict[str, Any]:
         """What the JSON file says besides the run itself; nothing for the detailed model."""
@@ -47,13 +49,19 @@ class Outcome:
                 for switch, (before, after) in zip(self.switches, modes, strict=True)
             ],
         }
+        if self.budget is not None:
+            record["error_budget"] = [
+                asdict(row)
+                | {"error": row.error and _error_record(row.error), "status": row.status.value}
+                for row in self.budget.rows
+            ]
         if self.detailed is None:
             return record
         record |= {"comparison": None, "comparison_note": self.note}
         if self.comparison is not None:
             record["comparison"] = {
                 "detailed_seconds": self.detailed.simulation_seconds,
-                "units": [asdict(e) | {"unit": str(e.unit)} for e in ranked(self.comparison)],
+                "units": [_error_record(error) for error in ranked(self.comparison)],
                 "state_rms": self.comparison.state_rms,
             }
         return record
@@ -67,6 +75,8 @@ class Outcome:
             out.print(error_table(self.comparison))
         if self.note is not None:
             out.print(self.note, style="yellow", markup=False)
+        if self.budget is not None:
+            out.print(budget_table(self.budget))
 
 
 @dataclass(frozen=True)
@@ -79,8 +89,13 @@ class Disturbance:
     stepper: Stepper
     criterion: SynchronismCriterion | None
 
-    def solve(self, reduced: ReducedSimulator | None, comparing: bool) -> Outcome:
-        """On the detailed model if `reduced` is None; `comparing` adds a detailed run beside it."""
+    def solve(
+        self, reduced: ReducedSimulator | None, comparing: bool, budgeting: bool = False
+    ) -> Outcome:
+        """On the detailed model if `reduced` is None.
+
+        `comparing` adds a detailed run beside it, `budgeting` the error by its causes.
+        """
         store: ModelStore = {}
         rest = (self.model, self.events, self.t_end, self.stepper, self.criterion, store)
         if reduced is None:
@@ -88,6 +103,8 @@ class Disturbance:
         run = reduced.run(*rest)
         seconds = reduced.seconds + run.reduction_seconds
         result = Outcome(run.trajectory, run.switches, seconds)
+        if budgeting:
+            result = replace(result, budget=reduced.budget(self.events, self.t_end, self.stepper))
         if not comparing:
             return result
         detailed = simulate(*rest)
@@ -98,13 +115,17 @@ class Disturbance:
                     f"({done.status.value})."
                 )
                 return replace(result, detailed=detailed, note=note)
-        units = _comparable(detailed, reduced.parts.study_units)
+        units = _comparable(detailed, reduced.family.study_units)
         return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
 
 
 def ranked(comparison: Comparison) -> list[UnitError]:
     """Errors of the machines, the largest first."""
     return sorted(comparison.units, key=lambda error: -error.rms_deg)
+
+
+def _error_record(error: UnitError) -> dict[str, Any]:
+    return asdict(error) | {"unit": str(error.unit)}
 
 
 def _comparable(run: Trajectory, units: Sequence[UnitKey]) -> list[UnitKey]:

@@ -8,22 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gridfold.cli.choice import ModelChoice, StudyArea, model_settings
-from gridfold.cli.console import (
-    CaseArgument,
-    ColumnNormOption,
-    JsonOption,
-    ModelKind,
-    OrderOption,
-    StudyAreasOption,
-    StudyBusesOption,
-    StudyZonesOption,
-    ToleranceOption,
-    as_ranges,
-    out,
-    speaks_to_people,
-    write_json_option,
-)
+from gridfold.cli.choice import ExternalOptions, model_settings
+from gridfold.cli.console import as_ranges, out, speaks_to_people, write_json_option
+from gridfold.cli.options import AreaOptions, CaseArgument, JsonOption, NormOptions
 from gridfold.dynamics.model import build_model
 from gridfold.io.case_folder import load_case
 from gridfold.partition import Coupling, Partition, couple
@@ -36,16 +23,14 @@ from gridfold.report.tables import (
     reduction_facts,
     tie_table,
 )
-from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
+from gridfold.studies.reduced import ReducedExternal
 from gridfold.studies.saved import reducer_record, save_reduced
 
 
 def partition(
     case: CaseArgument,
-    study_buses: StudyBusesOption = None,
-    study_areas: StudyAreasOption = None,
-    study_zones: StudyZonesOption = None,
-    column_norm: ColumnNormOption = None,
+    area: AreaOptions,
+    norm: NormOptions,
     json: JsonOption = None,
 ) -> None:
     """Print study and external area, tie lines, and the column norms of external machines.
@@ -53,26 +38,20 @@ def partition(
     Example: gridfold partition npcc --study-buses 1-36
     """
     model = build_model(load_case(case))
-    area = StudyArea(study_buses, study_areas, study_zones)
     parts = divide(model, area.find(model.case, case))
     coupling = couple(parts)
-    norm = COLUMN_NORM if column_norm is None else column_norm
-    write_json_option(json, _partition_record(parts, coupling, norm))
+    threshold = norm.per_unit(coupling)
+    write_json_option(json, _partition_record(parts, coupling, threshold))
     if speaks_to_people(json):
         buses = as_ranges(parts.study_buses)
-        out.print(facts_table(partition_facts(parts, coupling, norm, buses)))
+        out.print(facts_table(partition_facts(parts, coupling, threshold, buses)))
         out.print(tie_table(parts))
-        out.print(norm_table(coupling, norm))
+        out.print(norm_table(coupling, threshold))
 
 
 def reduce(
     case: CaseArgument,
-    study_buses: StudyBusesOption = None,
-    study_areas: StudyAreasOption = None,
-    study_zones: StudyZonesOption = None,
-    column_norm: ColumnNormOption = None,
-    tolerance: ToleranceOption = None,
-    order: OrderOption = None,
+    external: ExternalOptions,
     save: Annotated[Path | None, typer.Option(help="Write the reduced model (.npz).")] = None,
     json: JsonOption = None,
 ) -> None:
@@ -80,11 +59,9 @@ def reduce(
 
     Example: gridfold reduce npcc --study-buses 1-36 --save npcc.npz
     """
-    area = StudyArea(study_buses, study_areas, study_zones)
-    choice = ModelChoice(ModelKind.ADAPTIVE, area, column_norm, order, tolerance)
     model = build_model(load_case(case))
     began = time.perf_counter()
-    family, norm = choice.reduce(model, case)
+    family, norm = external.reduce(model, case)
     seconds = time.perf_counter() - began
     if save is not None:
         save_reduced(save, family, norm)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gridfold.cli.console import JsonOption, err, out, speaks_to_people, write_json_option
+from gridfold.cli.console import out, speaks_to_people, stage_bars, write_json_option
+from gridfold.cli.options import JsonOption
 from gridfold.dynamics.model import build_model
 from gridfold.grid.events import BusFault
 from gridfold.io.case_folder import load_case
@@ -18,8 +18,8 @@ from gridfold.report.reproduction import reproduction_tables
 from gridfold.report.reproduction_figures import plot_map, plot_rotor_angles, plot_switches
 from gridfold.studies import published
 from gridfold.studies.clearing_time import critical_clearing_time
-from gridfold.studies.contingency_errors import Progress as CalibrationProgress
 from gridfold.studies.reproduce import (
+    PRINTED,
     BusRow,
     CaseStudy,
     Clearing,
@@ -110,13 +110,8 @@ def _tables(study: CaseStudy, part: Part, clearing: Clearing) -> Reproduction:
 
 def _calibrate(study: CaseStudy, result: Reproduction, rows: tuple[BusRow, ...]) -> Reproduction:
     """Add the calibrated thresholds, and Table I with them."""
-    with _progress() as progress:
-        task = progress.add_task("calibration", total=None)
-
-        def show(step: CalibrationProgress) -> None:
-            progress.update(task, description=step.stage, completed=step.done, total=step.total)
-
-        calibration = calibrate_study(study, rows, show)
+    with stage_bars() as bars:
+        calibration = calibrate_study(study, rows, lambda step: bars.show(*step))
     found = calibrated_study(study, calibration)
     return replace(
         result,
@@ -126,22 +121,10 @@ def _calibrate(study: CaseStudy, result: Reproduction, rows: tuple[BusRow, ...])
     )
 
 
-def _progress() -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=err, transient=True, disable=not err.is_terminal)
-
-
 def _first_table(study: CaseStudy, clearing: Clearing) -> list[BusRow]:
-    with _progress() as progress:
-        task = progress.add_task("Table I", total=len(published.TABLE_1))
-        return bus_rows(
-            study, tuple(published.TABLE_1), clearing, on_done=lambda _: progress.advance(task)
-        )
+    buses = tuple(published.TABLE_1)
+    with stage_bars() as bars:
+        return bus_rows(study, buses, clearing, on_done=bars.counter("Table I", len(buses)))
 
 
 def _figures(study: CaseStudy, part: Part, clearing: Clearing, folder: Path) -> list[Path]:
@@ -157,7 +140,7 @@ def _figures(study: CaseStudy, part: Part, clearing: Clearing, folder: Path) -> 
     if clearing is Clearing.OWN:
         cleared = critical_clearing_time(study.model, BusFault(bus)).seconds
     events = [BusFault(bus, duration=cleared)]
-    runs = {kind: study.run(kind, events) for kind in SmallRun}
+    runs = {kind: study.run(kind, events) for kind in PRINTED}
     if Part.FIG2 in paths:
         plot_switches(study, [(kind, runs[kind]) for kind in ADAPTIVE], paths[Part.FIG2])
     for item, kind in zip((Part.FIG4, Part.FIG5), ADAPTIVE, strict=True):

@@ -3,41 +3,24 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from gridfold.cli.choice import ModelChoice, StudyArea
+from gridfold.cli.choice import ModelChoice, ModelKind
 from gridfold.cli.console import (
     EXIT_CODES,
-    AngleDegOption,
-    AngleLimitOption,
-    CaseArgument,
-    ColumnNormOption,
-    EndOption,
-    JsonOption,
-    LongestAboveOption,
-    Method,
-    MethodOption,
-    ModelKind,
-    ModelOption,
-    OrderOption,
-    ReducedFileOption,
-    StepOption,
-    StudyAreasOption,
-    StudyBusesOption,
-    StudyZonesOption,
-    ToleranceOption,
     exit_code,
-    make_stepper,
     out,
     speaks_to_people,
     write_json_option,
 )
-from gridfold.cli.outcome import Disturbance, ranked
+from gridfold.cli.options import CaseArgument, JsonOption, RunOptions, run_option
+from gridfold.cli.outcome import Disturbance, Outcome, ranked
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import NetworkBackend
 from gridfold.errors import OptionError
@@ -57,12 +40,14 @@ from gridfold.report.tables import (
 from gridfold.studies.clearing_time import critical_clearing_time
 from gridfold.studies.simulate import simulate as run_simulation
 from gridfold.studies.summary import Summary, summarize
-from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 #: Machines with the largest errors that a picture shows in colour.
 _DRAWN = 6
+
+_event_option = partial(typer.Option, rich_help_panel="Disturbance")
+_result_option = partial(typer.Option, rich_help_panel="Results")
 
 _SIMULATE_HELP = f"""Simulate a disturbance on the detailed or a reduced model of CASE.
 
@@ -76,8 +61,88 @@ Examples:
 
   gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
 
+  gridfold simulate npcc --fault-bus 3 --model linear --coupling lagged --budget
+
 {EXIT_CODES}
 """
+
+
+@dataclass(frozen=True)
+class EventOptions:
+    """What happens to the network."""
+
+    fault_bus: Annotated[int | None, _event_option(help="Bus with a three-phase fault.")] = None
+    fault_start: Annotated[
+        float | None, _event_option(help="Time of that fault (s).", show_default="0")
+    ] = None
+    fault_duration: Annotated[
+        float | None, _event_option(help="Its duration (s).", show_default="0.1")
+    ] = None
+    fault_resistance: Annotated[
+        float | None, _event_option(help="Its resistance (p.u.).", show_default="0")
+    ] = None
+    fault_reactance: Annotated[
+        float | None, _event_option(help="Its reactance (p.u.).", show_default="0")
+    ] = None
+    trip_bus: Annotated[bool, _event_option("--trip-bus", help="Cleared by tripping the bus.")] = (
+        False
+    )
+    event: Annotated[
+        list[str] | None, _event_option(help='Event as "KIND NAME=VALUE ..."; may be repeated.')
+    ] = None
+    events: Annotated[Path | None, _event_option(help="TOML file with \\[\\[event]] tables.")] = (
+        None
+    )
+
+    def collect(self) -> list[Event]:
+        """All events, that of the --fault-... options first."""
+        from_file = [] if self.events is None else load_events(self.events)
+        return self._bus_fault() + from_file + [parse_event(text) for text in self.event or []]
+
+    def _bus_fault(self) -> list[Event]:
+        """The fault of the --fault-... options; those not given keep the event's own defaults."""
+        fields: dict[str, Any] = {
+            "start": self.fault_start,
+            "duration": self.fault_duration,
+            "resistance": self.fault_resistance,
+            "reactance": self.fault_reactance,
+            "trip_bus": self.trip_bus or None,
+        }
+        given = {name: value for name, value in fields.items() if value is not None}
+        if self.fault_bus is not None:
+            return [BusFault(self.fault_bus, **given)]
+        if given:
+            raise OptionError(f"a fault needs --fault-bus (its {', '.join(given)} is given)")
+        return []
+
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """Files of a run."""
+
+    csv: Annotated[Path | None, _result_option(help="Write the curves as CSV.")] = None
+    parquet: Annotated[Path | None, _result_option(help="Write the curves as Parquet.")] = None
+    npz: Annotated[Path | None, _result_option(help="Write all states as a NumPy archive.")] = None
+    signals: Annotated[str, _result_option(help="Further columns, such as field_voltage.")] = ""
+    plot: Annotated[list[Path] | None, _result_option(help="Draw the run (.png or .svg).")] = None
+
+    def __post_init__(self) -> None:
+        for picture in self.plot or []:
+            check_format(picture)
+
+    def write(self, result: Outcome) -> None:
+        """Write all files; a picture shows the machines with the largest errors."""
+        run = result.run
+        names = [name.strip() for name in self.signals.split(",") if name.strip()]
+        if self.csv is not None:
+            run.to_csv(self.csv, names)
+        if self.parquet is not None:
+            run.to_parquet(self.parquet, names)
+        if self.npz is not None:
+            run.to_npz(self.npz)
+        worst = [] if result.comparison is None else ranked(result.comparison)[:_DRAWN]
+        for picture in self.plot or []:
+            plot_trajectory(run, picture, [error.unit for error in worst], result.detailed)
 
 
 def demo(
@@ -106,86 +171,36 @@ def demo(
 
 def simulate(
     case: CaseArgument,
-    fault_bus: Annotated[int | None, typer.Option(help="Bus with a three-phase fault.")] = None,
-    fault_start: Annotated[
-        float | None, typer.Option(help="Time of that fault (s).", show_default="0")
-    ] = None,
-    fault_duration: Annotated[
-        float | None, typer.Option(help="Its duration (s).", show_default="0.1")
-    ] = None,
-    fault_resistance: Annotated[
-        float | None, typer.Option(help="Its resistance (p.u.).", show_default="0")
-    ] = None,
-    fault_reactance: Annotated[
-        float | None, typer.Option(help="Its reactance (p.u.).", show_default="0")
-    ] = None,
-    trip_bus: Annotated[
-        bool, typer.Option("--trip-bus", help="Cleared by tripping the bus.")
-    ] = False,
-    event: Annotated[
-        list[str] | None, typer.Option(help='Event as "KIND NAME=VALUE ..."; may be repeated.')
-    ] = None,
-    events: Annotated[
-        Path | None, typer.Option(help="TOML file with \\[\\[event]] tables.")
-    ] = None,
-    t_end: EndOption = 16.0,
-    step: StepOption = None,
-    method: MethodOption = Method.RK4,
-    angle_limit: AngleLimitOption = 180.0,
+    events: EventOptions,
+    runs: RunOptions,
+    choice: ModelChoice,
+    results: ResultOptions,
     no_watch: Annotated[
-        bool, typer.Option("--no-watch", help="Go on after loss of synchronism.")
+        bool, run_option("--no-watch", help="Go on after loss of synchronism.")
     ] = False,
-    network: Annotated[NetworkBackend, typer.Option(help="Network solver.")] = NetworkBackend.AUTO,
-    model: ModelOption = ModelKind.DETAILED,
-    study_buses: StudyBusesOption = None,
-    study_areas: StudyAreasOption = None,
-    study_zones: StudyZonesOption = None,
-    column_norm: ColumnNormOption = None,
-    tolerance: ToleranceOption = None,
-    order: OrderOption = None,
-    angle_deg: AngleDegOption = None,
-    longest_above: LongestAboveOption = None,
-    reduced: ReducedFileOption = None,
+    network: Annotated[NetworkBackend, run_option(help="Network solver.")] = NetworkBackend.AUTO,
     compare: Annotated[
-        bool, typer.Option("--compare", help="Errors against a detailed run of the same.")
+        bool, _result_option("--compare", help="Errors against a detailed run of the same.")
     ] = False,
-    csv: Annotated[Path | None, typer.Option(help="Write the curves as CSV.")] = None,
-    parquet: Annotated[Path | None, typer.Option(help="Write the curves as Parquet.")] = None,
-    npz: Annotated[Path | None, typer.Option(help="Write all states as a NumPy archive.")] = None,
-    signals: Annotated[str, typer.Option(help="Further columns, such as field_voltage.")] = "",
-    plot: Annotated[list[Path] | None, typer.Option(help="Draw the run (.png or .svg).")] = None,
+    budget: Annotated[
+        bool, _result_option("--budget", help="These errors by their causes too.")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Simulate a disturbance."""
     began = time.perf_counter()
-    fault = {
-        "start": fault_start,
-        "duration": fault_duration,
-        "resistance": fault_resistance,
-        "reactance": fault_reactance,
-        "trip_bus": trip_bus or None,
-    }
-    happenings = _bus_fault(fault_bus, fault) + _events(event, events)
-    stepper = make_stepper(method, step)
-    criterion = None if no_watch else SynchronismCriterion(angle_limit)
-    for picture in plot or []:
-        check_format(picture)
-    area = StudyArea(study_buses, study_areas, study_zones)
-    choice = ModelChoice(
-        model, area, column_norm, order, tolerance, angle_deg, longest_above, reduced
-    )
-    if compare and model is ModelKind.DETAILED:
+    happenings = events.collect()
+    criterion = None if no_watch else runs.criterion
+    if compare and choice.model is ModelKind.DETAILED:
         raise OptionError("--compare needs a reduced model, see --model")
+    if budget and not choice.partitioned:
+        raise OptionError("--budget needs a model with a reduced external area, see --model")
     grid = build_model(load_case(case), backend=network)
     ready = time.perf_counter()
-    task = Disturbance(grid, happenings, t_end, stepper, criterion)
-    result = task.solve(choice.build(grid, case), compare)
-    run, comparison = result.run, result.comparison
-    names = [name.strip() for name in signals.split(",") if name.strip()]
-    _write(run, csv, parquet, npz, names)
-    worst = [] if comparison is None else ranked(comparison)[:_DRAWN]
-    for picture in plot or []:
-        plot_trajectory(run, picture, [error.unit for error in worst], result.detailed)
+    task = Disturbance(grid, happenings, runs.t_end, runs.stepper, criterion)
+    result = task.solve(choice.build(grid, case), compare or budget, budget)
+    run = result.run
+    results.write(result)
     summary = summarize(run)
     record = _run_record(run, summary, ready - began + run.setup_seconds)
     write_json_option(json, record | result.record())
@@ -197,32 +212,6 @@ def simulate(
 
 
 simulate.__doc__ = _SIMULATE_HELP
-
-
-def _bus_fault(bus: int | None, fields: dict[str, Any]) -> list[Event]:
-    """The fault of the --fault-... options; those not given keep the event's own defaults."""
-    given = {name: value for name, value in fields.items() if value is not None}
-    if bus is not None:
-        return [BusFault(bus, **given)]
-    if given:
-        raise OptionError(f"a fault needs --fault-bus (its {', '.join(given)} is given)")
-    return []
-
-
-def _events(texts: list[str] | None, path: Path | None) -> list[Event]:
-    happenings = [] if path is None else load_events(path)
-    return happenings + [parse_event(text) for text in texts or []]
-
-
-def _write(
-    run: Trajectory, csv: Path | None, parquet: Path | None, npz: Path | None, names: list[str]
-) -> None:
-    if csv is not None:
-        run.to_csv(csv, names)
-    if parquet is not None:
-        run.to_parquet(parquet, names)
-    if npz is not None:
-        run.to_npz(npz)
 
 
 def _print_run(run: Trajectory, summary: Summary) -> None:

@@ -128,6 +128,20 @@ class AreaModel:
         x[..., self.area.index] = self.area.states.lift(v[..., n_exact + n_held :])
         return x
 
+    def lift_rows(self, v: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The states at the positions `index` alone, (..., len(index)), from v, (..., n)."""
+        n_exact, n_z = len(self.exact_index), self.area.states.lift_matrix.shape[1]
+        place = np.empty(n_exact + len(self.area.index), dtype=np.int64)
+        place[self.exact_index] = np.arange(n_exact)
+        place[self.area.index] = n_exact + np.arange(len(self.area.index))
+        at = place[index]
+        linear = at >= n_exact
+        x = np.empty((*v.shape[:-1], len(index)))
+        x[..., ~linear] = v[..., at[~linear]]
+        z = v[..., v.shape[-1] - n_z :]
+        x[..., linear] = self.area.states.lift_rows(z, at[linear] - n_exact)
+        return x
+
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state v nearest to the whole model's state x: z = T (x - x0)."""
         z = self.area.states.restrict(x[self.area.index])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,9 +19,13 @@ from gridfold.numerics.compiled import (
 )
 
 #: ``watch(integers, reals, x, verdict)``: sets verdict[0] to 1 where the condition holds, else to 0.
+#: Its data belong to one integration: it may keep in `reals` what it knows from the last state.
 WATCH_SIGNATURE = types.void(
     types.int64[::1], types.float64[::1], types.float64[::1], types.float64[::1]
 )
+
+#: Margin and verdict of a band watch before the first state: a margin of 0 settles nothing.
+_NOTHING_KNOWN = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,9 @@ class Watch(Protocol):
 
     def holds(self, x: NDArray[np.float64]) -> bool:
         """Whether the condition holds at the state `x`; it does where something is not finite."""
+
+    def first(self, states: NDArray[np.float64]) -> int | None:
+        """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,10 @@ class SpreadWatch:
         """Whether an entry is beyond the limit."""
         return not np.max(self.distances(x), initial=0.0) <= self.limit
 
+    def first(self, states: NDArray[np.float64]) -> int | None:
+        """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
+        return next((row for row, state in enumerate(states) if self.holds(state)), None)
+
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
         sizes = [len(self.index), len(self.reference)]
@@ -96,6 +107,9 @@ class SpreadWatch:
 @dataclass(frozen=True)
 class BandWatch:
     """Holds when one of the quantities C x + d leaves a band, or when all are inside it.
+
+    Most states are judged without forming the quantities: none of them can have moved further than
+    the sum of ``reach * abs(x - y)`` since the state y.
 
     Parameters
     ----------
@@ -123,14 +137,47 @@ class BandWatch:
         within = bool(np.max(self.distances(x), initial=0.0) <= self.limit)
         return within == self.inside
 
+    @cached_property
+    def reach(self) -> NDArray[np.float64]:
+        """By how much the most sensitive quantity moves with each state, shape (n_states,)."""
+        return np.asarray(np.abs(self.matrix).max(axis=0, initial=0.0))
+
+    def first(self, states: NDArray[np.float64]) -> int | None:
+        """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            largest = np.abs(states) @ self.reach + np.abs(self.offset).max(initial=0.0)
+            within = largest <= self.limit
+            unclear = np.flatnonzero(~within)
+            distances = np.abs(states[unclear] @ self.matrix.T + self.offset)
+        within[unclear] = distances.max(axis=1, initial=0.0) <= self.limit
+        rows = np.flatnonzero(within == self.inside)
+        return int(rows[0]) if len(rows) else None
+
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
         n, n_states = self.matrix.shape
         return CompiledWatch(
             _compiled_band().address,
             np.array([n, n_states, self.inside], dtype=np.int64),
-            np.concatenate([[self.limit], self.offset, self.matrix.ravel()]),
+            np.concatenate(
+                [
+                    [self.limit, *_NOTHING_KNOWN],
+                    self.offset,
+                    self.matrix.ravel(),
+                    self.reach,
+                    np.zeros(n_states),
+                ]
+            ),
         )
+
+
+def first_fired(watches: Sequence[Watch], states: NDArray[np.float64]) -> tuple[int, int] | None:
+    """First row of `states` in which a watch holds, and the number of that watch, from 1.
+
+    In one row the watch with the lower number counts. None if no watch holds anywhere.
+    """
+    rows = [(watch.first(states), number) for number, watch in enumerate(watches, start=1)]
+    return min(((row, number) for row, number in rows if row is not None), default=None)
 
 
 def pack_watches(
@@ -186,16 +233,36 @@ def _spread(integers, reals, x, verdict):
 
 
 def _band(integers, reals, x, verdict):
+    # reals: limit, margin and verdict at the last state y that was judged in full; d, C, reach, y
     n, n_states, inside = integers[0], integers[1], integers[2]
-    matrix = matrix_view(reals, 1 + n, n, n_states)
-    within = 1
-    for i in range(n):
-        value = reals[1 + i]
+    reach = reals[3 + n + n * n_states : 3 + n + (n + 1) * n_states]
+    last = reals[3 + n + (n + 1) * n_states :]
+    moved = 0.0
+    for j in range(n_states):
+        moved += reach[j] * abs(x[j] - last[j])
+    if not moved < reals[1]:
+        worst = _largest(reals[3 : 3 + n], matrix_view(reals, 3 + n, n, n_states), x)
+        within = 1 if worst <= reals[0] else 0
+        reals[1] = abs(worst - reals[0])
+        reals[2] = 1.0 if within == inside else 0.0
         for j in range(n_states):
+            last[j] = x[j]
+    verdict[0] = reals[2]
+
+
+@compiled_part
+def _largest(offset, matrix, x):
+    """Largest magnitude in C x + d; NaN where one is."""
+    worst = 0.0
+    for i in range(matrix.shape[0]):
+        value = offset[i]
+        for j in range(matrix.shape[1]):
             value += matrix[i, j] * x[j]
-        if not abs(value) <= reals[0]:
-            within = 0
-    verdict[0] = 1.0 if within == inside else 0.0
+        if not abs(value) <= worst:
+            worst = abs(value)
+        if np.isnan(value):
+            return value
+    return worst
 
 
 @cache

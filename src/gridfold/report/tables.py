@@ -13,6 +13,7 @@ from gridfold.partition import Coupling, Partition
 from gridfold.studies.adaptive import Switch
 from gridfold.studies.clearing_time import ClearingTime
 from gridfold.studies.compare import Comparison
+from gridfold.studies.error_budget import ErrorBudget
 from gridfold.studies.reduced import ReducedExternal
 from gridfold.studies.small_signal import SmallSignal
 from gridfold.studies.summary import Summary
@@ -259,4 +260,22 @@ def error_table(comparison: Comparison) -> Table:
     for error in sorted(comparison.units, key=lambda item: -item.rms_deg):
         values = (error.rms_deg, error.largest_deg, error.relative_rms_deg)
         table.add_row(str(error.unit), *(f"{value:.3f}" for value in values))
+    return table
+
+
+def budget_table(budget: ErrorBudget) -> Table:
+    """Where the error of a reduced model comes from."""
+    table = Table(
+        title="Error budget: rotor angles of the worst machine (deg)", title_justify="left"
+    )
+    table.add_column("source")
+    table.add_column("compared", overflow="fold")
+    for name in ("machine", "RMS", "largest"):
+        table.add_column(name, justify="right")
+    for row in budget.rows:
+        if row.error is None:
+            table.add_row(row.source, f"{row.changed}: {row.status.value}", "", "none", "none")
+        else:
+            values = (f"{value:.3g}" for value in (row.error.rms_deg, row.error.largest_deg))
+            table.add_row(row.source, row.changed, str(row.error.unit), *values)
     return table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
-from gridfold.numerics.steppers.base import Stepper, time_grid
+from gridfold.numerics.steppers.base import Integration, Stepper, time_grid
+from gridfold.numerics.watch import Watch, first_fired
 from gridfold.simulation.segment import Piece, Segment
+from gridfold.systems.protocol import ClosedForm
 from gridfold.systems.status import Status
+
+#: Rows of a solution in closed form that are computed before the watches look at them.
+BLOCK = 256
 
 
 class Plan(Protocol):
@@ -48,15 +53,17 @@ def run_segments(
 
 
 def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0) -> Run:
-    """Integrate what `plan` says, from the whole system's state `x0` at time `start`."""
+    """Integrate what `plan` says, from the whole system's state `x0` at time `start`.
+
+    A system that offers a ``ClosedForm`` is not stepped: `stepper` gives the sampling times alone.
+    """
     pieces: list[Piece] = []
     time, x = start, x0
     while (segment := plan.next(time, x)) is not None:
         if not segment.until > time:
             raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
         times = time_grid(time, segment.until, stepper.step)
-        watches = (*segment.stops, *segment.switches)
-        result = stepper.integrate(segment.system.compiled, times, segment.restrict(x), watches)
+        result = _integrate(segment, times, segment.restrict(x), stepper)
         finite = _finite_rows(result.states)
         piece = Piece(segment, times[:finite], result.states[:finite])
         pieces.append(piece)
@@ -68,6 +75,36 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
             return Run(tuple(pieces), Status.LOST_SYNCHRONISM, int(np.argmax(distances)))
         time, x = float(piece.times[-1]), segment.lift(piece.states[-1])
     return Run(tuple(pieces), Status.COMPLETED)
+
+
+def _integrate(
+    segment: Segment, times: NDArray[np.float64], x0: NDArray[np.float64], stepper: Stepper
+) -> Integration:
+    """States of the segment's system from `x0` along `times`, until a stop or a switch fires."""
+    watches = (*segment.stops, *segment.switches)
+    if isinstance(segment.system, ClosedForm):
+        return _evaluate(segment.system, times, x0, watches)
+    return stepper.integrate(segment.system.compiled, times, x0, watches)
+
+
+def _evaluate(
+    system: ClosedForm,
+    times: NDArray[np.float64],
+    x0: NDArray[np.float64],
+    watches: Sequence[Watch],
+) -> Integration:
+    """The same from a closed form, in blocks: a watch that fires early does not cost the rest."""
+    states = np.empty((len(times), len(x0)))
+    states[0] = x0
+    for start in range(1, len(times), BLOCK):
+        block = slice(start, start + BLOCK)
+        found = first_fired(
+            watches, system.states_after(x0, times[block] - times[0], states[block])
+        )
+        if found is not None:
+            row, number = found
+            return Integration(states[: start + row + 1], number)
+    return Integration(states, 0)
 
 
 @dataclass

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,14 @@ class Coordinates(Protocol):
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """State of the segment, (r,), from one of the whole system, (n,)."""
+
+
+@runtime_checkable
+class LiftsRows(Coordinates, Protocol):
+    """Coordinates that can lift some states without the others."""
+
+    def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """States of the whole system at the positions `index` (m,), from z (..., r): (..., m)."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,14 @@ class Piece:
     times: NDArray[np.float64]
     states: NDArray[np.float64]
 
-    @property
+    @cached_property
     def full_states(self) -> NDArray[np.float64]:
         """States of the whole system, shape (n, n_states)."""
         return self.segment.lift(self.states)
+
+    def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """States of the whole system at the positions `index` (m,) alone, shape (n, m)."""
+        coordinates = self.segment.coordinates
+        if isinstance(coordinates, LiftsRows):
+            return coordinates.lift_rows(self.states, index)
+        return self.full_states[:, index]

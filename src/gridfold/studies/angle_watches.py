@@ -40,7 +40,7 @@ def watched_segment(
         limit = float(np.deg2rad(criterion.limit_deg))
         stop_watches = (_band(small, rows, offset, limit, inside=False),)
     switches: tuple[BandWatch, ...] = ()
-    if switch is not None:
+    if switch is not None and np.isfinite(switch[2]):  # nothing is beyond an infinite threshold
         rows, offset, limit, inside = switch
         switches = (_band(small, rows, offset, limit, inside),)
     return Segment(small.system, end, label, stop_watches, switches, small.coordinates)
@@ -71,4 +71,6 @@ def _band(
 ) -> BandWatch:
     """A band over the whole system's states as one over the small system's."""
     origin, slopes = small.affine
-    return BandWatch(rows @ slopes.T, rows @ origin + offset, limit, inside)
+    used = np.flatnonzero(rows.any(axis=0))
+    matrix = rows[:, used] @ slopes[:, used].T
+    return BandWatch(matrix, rows @ origin + offset, limit, inside)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import takewhile
 
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
@@ -105,6 +106,10 @@ class Calibration:
         Column norms of all external machines.
     limit_deg : float
         Limit of the errors in degrees.
+    outputs : Outputs
+        How the external machines acted on the study area.
+    boundary : BoundaryCoupling
+        How the areas knew each other's boundary voltages.
     left_out : tuple of LeftOut
         Contingencies that do not count, because they are not stable.
     detailed_runs : int
@@ -117,6 +122,8 @@ class Calibration:
     column_norm: float
     coupling: Coupling = field(repr=False)
     limit_deg: float
+    outputs: Outputs
+    boundary: BoundaryCoupling
     left_out: tuple[LeftOut, ...]
     detailed_runs: int
     seconds: float
@@ -139,6 +146,8 @@ def calibrate(
     criterion: SynchronismCriterion = DEFAULT_CRITERION,
     workers: int | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    outputs: Outputs = Outputs.STATES,
+    coupling: BoundaryCoupling = BoundaryCoupling.EXACT,
 ) -> Calibration:
     """Find the first thresholds, from above, at which all rotor-angle errors are below a limit.
 
@@ -168,6 +177,8 @@ def calibrate(
         Threads; one a core by default. The thresholds do not depend on it.
     on_progress : callable, optional
         Called with a :class:`Progress` now and then, from the calling thread.
+    outputs, coupling
+        As in :func:`reduce_external`; the version without partition has neither.
 
     Raises
     ------
@@ -181,15 +192,18 @@ def calibrate(
         raise OptionError(f"workers must be 1 or more, not {workers!r}")
     if not set(parts.study_units) & set(parts.model.machines):
         raise OptionError("the study area has no machine with a rotor; nothing can be compared")
-    coupling = couple(parts)
+    norms = couple(parts)
     norm = COLUMN_NORM if column_norm is None else column_norm
-    coupling.kept(norm)
+    norms.kept(norm)
+    family = None
+    if set(what) - {ThresholdKind.WHOLE}:
+        family = reduce_external(parts, reducer, norm, outputs, coupling)
+    models = _Models(parts, norms, family)
     stepper = RungeKutta4() if stepper is None else stepper
     threads = workers or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
         runner = ContingencyRunner(parts, t_end, stepper, criterion, pool, threads, on_progress)
         references, left_out = runner.detailed([_as_tuple(item) for item in contingencies])
-        models = _Models(parts, reducer)
         found = {}
         for kind in ThresholdKind:
             if kind not in what:
@@ -201,7 +215,9 @@ def calibrate(
                 norm = found[kind].value or 0.0
     count = len(references) + len(left_out)
     seconds = clock.perf_counter() - began
-    return Calibration(found, norm, coupling, limit_deg, tuple(left_out), count, seconds)
+    return Calibration(
+        found, norm, norms, limit_deg, outputs, coupling, tuple(left_out), count, seconds
+    )
 
 
 def _as_tuple(contingency: Event | Sequence[Event]) -> Contingency:
@@ -211,9 +227,8 @@ def _as_tuple(contingency: Event | Sequence[Event]) -> Contingency:
 class _Models:
     """Small models by version and kept machines, each built once."""
 
-    def __init__(self, parts: Partition, reducer: Reducer | None):
-        self.parts, self.reducer, self.coupling = parts, reducer, couple(parts)
-        self._reduced: ReducedExternal | None = None
+    def __init__(self, parts: Partition, coupling: Coupling, reduced: ReducedExternal | None):
+        self.parts, self.coupling, self.reduced = parts, coupling, reduced
         self._stores: dict[tuple[bool, tuple[UnitKey, ...]], SmallModels] = {}
 
     def trials(
@@ -221,9 +236,9 @@ class _Models:
     ) -> list[Trial]:
         """What is tried for a threshold, from above; `norm` counts for angles alone."""
         if kind is not ThresholdKind.COLUMN_NORM:
-            small = self._small(kind is ThresholdKind.PARTITIONED, norm)
+            small = self._small(self.reduced if kind is ThresholdKind.PARTITIONED else None, norm)
             return [Trial(angle, (small,), angle) for angle in ANGLES_DEG]
-        versions = (True, False) if ThresholdKind.WHOLE in what else (True,)
+        versions = (self.reduced, None) if ThresholdKind.WHOLE in what else (self.reduced,)
         # The model changes where the list of kept machines does.
         first: dict[tuple[UnitKey, ...], float] = {}
         for value in COLUMN_NORMS:
@@ -233,15 +248,15 @@ class _Models:
             for value in first.values()
         ]
 
-    def _small(self, partitioned: bool, norm: float) -> SmallModels:
-        key = partitioned, self.coupling.kept(norm)
+    def _small(self, reduced: ReducedExternal | None, norm: float) -> SmallModels:
+        """Of the reduced external area with other machines kept, or of the whole system if None."""
+        kept = self.coupling.kept(norm)
+        key = reduced is None, kept
         if key not in self._stores:
-            if partitioned:
-                if self._reduced is None:
-                    self._reduced = reduce_external(self.parts, self.reducer, norm)
-                self._stores[key] = SmallModels(replace(self._reduced, kept=key[1]))
-            else:
+            if reduced is None:
                 self._stores[key] = SmallModels(whole_system(self.parts, norm))
+            else:
+                self._stores[key] = SmallModels(replace(reduced, kept=kept))
         return self._stores[key]
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.area_model import LinearArea, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea, Outputs
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
@@ -58,7 +58,7 @@ def save_reduced(
     path : str or Path
         The file, by custom ``NAME.npz``.
     family : ReducedExternal
-        From :func:`gridfold.reduce_external`.
+        From :func:`gridfold.reduce`.
     column_norm : float
         The threshold in p.u. that was given there.
 
@@ -81,6 +81,7 @@ def save_reduced(
         "bound": family.reduction.bound,
         "kept_exactly": family.reduction.kept_exactly,
         "outputs": family.outputs.value,
+        "coupling": family.boundary.value,
     }
     write_reduced(Path(path), ReducedFile(header, _arrays(family)))
 
@@ -181,6 +182,7 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         origin=arrays["x0"],
         reducer=reducer,
         outputs=Outputs(header["outputs"]),
+        boundary=BoundaryCoupling(header.get("coupling", BoundaryCoupling.EXACT.value)),
     )
     return SavedReduction(family, norm)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from gridfold.io.event_records import event_record
 from gridfold.io.results import write_csv, write_npz, write_parquet
 from gridfold.numerics.steppers import Stepper
 from gridfold.simulation.run import Run
+from gridfold.simulation.segment import Piece
 from gridfold.studies.notices import Notice
 from gridfold.studies.synchronism import SynchronismCriterion, angle_frame
 from gridfold.systems.status import Status
@@ -104,12 +105,12 @@ class Trajectory:
     @cached_property
     def times(self) -> NDArray[np.float64]:
         """Sampling times in seconds, shape (n_times,)."""
-        return np.concatenate([times for times, _, _ in self._pieces])
+        return np.concatenate([part.times for part in self._parts])
 
     @cached_property
     def states(self) -> NDArray[np.float64]:
         """States, shape (n_times, n_states); names in ``model.state_names``."""
-        return np.concatenate([states for _, states, _ in self._pieces])
+        return np.concatenate([part.states for part in self._parts])
 
     def signal(
         self, name: str, units: Sequence[UnitKey | str] | None = None
@@ -134,7 +135,10 @@ class Trajectory:
                 names = ", ".join(sorted({signal for unit, signal in known if unit == key}))
                 raise OptionError(f"unit {key} has no signal {name!r}; it has: {names or 'none'}")
         slots = self.model.slots(name, tuple(keys))
-        result = self._signals[:, slots]
+        if np.all(slots < self.model.n_states):
+            result = np.concatenate([part.states_at(slots) for part in self._parts])
+        else:
+            result = self._signals[:, slots]
         for rows, unit in self._rows_out:
             if unit in keys:
                 result[rows, keys.index(unit)] = np.nan
@@ -241,44 +245,47 @@ class Trajectory:
     # What the methods above share.
 
     @cached_property
-    def _pieces(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64], DetailedModel]]:
-        """Times, states and model of each piece, the row of each event only once (after it)."""
-        result = []
-        for position, piece in enumerate(self.run.pieces):
-            last = position == len(self.run.pieces) - 1
-            keep = slice(None) if last else slice(None, -1)
-            result.append((piece.times[keep], piece.full_states[keep], self.models[position]))
-        return result
+    def _parts(self) -> list[_Part]:
+        """Pieces with their models, the row of each event only once (after it)."""
+        ends = [-1] * (len(self.run.pieces) - 1) + [None]
+        return [
+            _Part(piece, slice(None, end), model)
+            for piece, end, model in zip(self.run.pieces, ends, self.models, strict=False)
+        ]
 
     @cached_property
     def _signals(self) -> NDArray[np.float64]:
-        return np.concatenate([model.signals(states) for _, states, model in self._pieces])
+        return np.concatenate([part.model.signals(part.states) for part in self._parts])
 
     @cached_property
     def _bus_voltages(self) -> NDArray[np.complex128]:
-        parts = np.cumsum([len(times) for times, _, _ in self._pieces])[:-1]
-        pieces = zip(np.split(self._signals, parts), self._pieces, strict=True)
-        return np.concatenate([model.bus_voltages(signals) for signals, (_, _, model) in pieces])
+        ends = np.cumsum([len(part.times) for part in self._parts])[:-1]
+        signals = np.split(self._signals, ends)
+        voltages = [
+            part.model.bus_voltages(here) for here, part in zip(signals, self._parts, strict=True)
+        ]
+        return np.concatenate(voltages)
 
     @cached_property
     def _centre_of_inertia(self) -> NDArray[np.float64]:
         """Reference angle of each machine in rad, shape (n_times, n_machines)."""
-        parts = []
-        for _, states, model in self._pieces:
-            frame = angle_frame(model)
-            part = np.full((len(states), len(self.model.machines)), np.nan)
+        result = []
+        for part in self._parts:
+            frame = angle_frame(part.model)
+            angles = np.full((len(part.times), len(self.model.machines)), np.nan)
             columns = [self.model.machines.index(unit) for unit in frame.units]
-            part[:, columns] = frame.references(states)
-            parts.append(part)
-        return np.concatenate(parts)
+            among_angles = replace(frame, slots=np.arange(len(frame.slots)))
+            angles[:, columns] = among_angles.references(part.states_at(frame.slots))
+            result.append(angles)
+        return np.concatenate(result)
 
     @property
     def _rows_out(self) -> list[tuple[slice, UnitKey]]:
         """Rows in which a unit is out of service."""
         result, start = [], 0
-        for times, _, model in self._pieces:
-            rows = slice(start, start + len(times))
-            result += [(rows, unit) for unit in model.state.units_out]
+        for part in self._parts:
+            rows = slice(start, start + len(part.times))
+            result += [(rows, unit) for unit in part.model.state.units_out]
             start = rows.stop
         return result
 
@@ -290,6 +297,25 @@ class Trajectory:
             if str(unit) not in known:
                 raise OptionError(f"there is no machine {unit} in case {self.model.case.name}")
         return [known[str(unit)] for unit in units]
+
+
+class _Part(NamedTuple):
+    """The rows of a piece that belong to the trajectory, and the detailed model of its network."""
+
+    piece: Piece
+    rows: slice
+    model: DetailedModel
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        return self.piece.times[self.rows]
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        return self.piece.full_states[self.rows]
+
+    def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        return self.piece.states_at(index)[self.rows]
 
 
 def _columns(

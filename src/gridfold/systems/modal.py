@@ -7,11 +7,17 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import compile_callback
+from gridfold.numerics.compiled import FAST, compile_callback
 from gridfold.numerics.modal_form import ModalForm
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+
+#: Squared magnitude (1/s^2) below which an eigenvalue counts as 0.
+_NO_MOTION = 1e-40
+#: Times closer than this, in relation to the step, are the same.
+_SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +47,86 @@ class ModalSystem:
         integers = np.concatenate([[n], self.form.partner]).astype(np.int64)
         reals = np.concatenate([self.form.diagonal, self.form.coupling, self.offset])
         return CompiledRhs(_compiled().address, integers, reals, 0, n)
+
+    def states_after(
+        self,
+        start: NDArray[np.float64],
+        elapsed: NDArray[np.float64],
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """States at the times `elapsed` (s), in ascending order, after the state `start`.
+
+        Each mode is an exponential. It is carried over steps of equal length by one multiplication;
+        the first time, and any that lies on no such step, is computed from `start`.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n)
+            `out`, C-contiguous, where it is given.
+        """
+        states = np.empty((len(elapsed), len(self.offset))) if out is None else out
+        form = self.form
+        _fill(
+            form.diagonal, form.coupling, form.partner, self.offset,
+            np.ascontiguousarray(start, dtype=np.float64), elapsed, _inner_step(elapsed), states,
+        )  # fmt: skip
+        return states
+
+
+def _inner_step(elapsed: NDArray[np.float64]) -> float:
+    """Length of the steps between the times, which may be shorter at both ends; 0 for too few."""
+    return float(elapsed[-2] - elapsed[1]) / (len(elapsed) - 3) if len(elapsed) > 3 else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _fill(diagonal, coupling, partner, offset, start, elapsed, step, states):
+    """Solution from `start`: rows of `states` at the times `elapsed`, most of them `step` apart."""
+    n = len(start)
+    one_step, since_start = np.empty((3, n)), np.empty((3, n))
+    _propagator(diagonal, coupling, partner, offset, step, one_step)
+    anchor, count = 0.0, 0
+    for row in range(len(elapsed)):
+        count += 1
+        late = elapsed[row] - (anchor + count * step)
+        if row > 0 and abs(late) <= _SAME_TIME * step:
+            _propagate(one_step, partner, states[row - 1], states[row])
+        else:
+            _propagator(diagonal, coupling, partner, offset, elapsed[row], since_start)
+            _propagate(since_start, partner, start, states[row])
+            anchor, count = elapsed[row], 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _propagate(propagator, partner, w, w_new):
+    for i in range(len(w)):
+        w_new[i] = propagator[0, i] * w[i] + propagator[1, i] * w[partner[i]] + propagator[2, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _propagator(diagonal, coupling, partner, offset, t, propagator):
+    """Factors of w_i and w_partner(i), and what the offset adds, in the time t.
+
+    With z = (alpha + j beta) t: real and imaginary part of exp(z); the offset is multiplied by
+    t (exp(z) - 1) / z, whose limit is t for an eigenvalue of 0.
+    """
+    for i in range(len(diagonal)):
+        p = partner[i]
+        if p < i:
+            continue
+        alpha, beta = diagonal[i], coupling[i]
+        growth, cosine, sine = np.exp(alpha * t), np.cos(beta * t), np.sin(beta * t)
+        # exp(z) - 1, without cancellation where z is small
+        real = np.expm1(alpha * t) * cosine - 2 * np.sin(beta * t / 2) ** 2
+        imaginary = growth * sine
+        square = alpha**2 + beta**2
+        own, other = t, 0.0
+        if square > _NO_MOTION:
+            own = (real * alpha + imaginary * beta) / square
+            other = (imaginary * alpha - real * beta) / square
+        propagator[0, i], propagator[0, p] = growth * cosine, growth * cosine
+        propagator[1, i], propagator[1, p] = imaginary, -imaginary
+        propagator[2, i] = own * offset[i] + other * offset[p]
+        propagator[2, p] = own * offset[p] - other * offset[i]
 
 
 def _modal_rhs(integers, reals, work, w, dw):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gridfold.numerics.rhs import CompiledRhs
 
@@ -18,3 +21,22 @@ class System(Protocol):
     @property
     def compiled(self) -> CompiledRhs:
         """The right-hand side f for compiled loops; also callable from Python."""
+
+
+@runtime_checkable
+class ClosedForm(Protocol):
+    """What a system offers whose solution is a formula: it need not be stepped."""
+
+    def states_after(
+        self,
+        start: NDArray[np.float64],
+        elapsed: NDArray[np.float64],
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """States at the times `elapsed` (s), in ascending order, after the state `start`.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n_states)
+            `out`, C-contiguous, where it is given.
+        """

@@ -70,6 +70,11 @@ class StateMap:
         lifted: NDArray[np.float64] = self.reference + z @ self.lift_matrix.T
         return lifted
 
+    def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Only the full states at the positions `index` (m,): shape (..., m)."""
+        lifted: NDArray[np.float64] = self.reference[index] + z @ self.lift_matrix[index].T
+        return lifted
+
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Reduced states T (x - x0) of the full states `x`, shape (..., n): shape (..., r)."""
         restricted: NDArray[np.float64] = (x - self.reference) @ self.restrict_matrix.T

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gridfold.numerics.watch import BandWatch, SpreadWatch, first_fired, first_watch, pack_watches
+
+N_STATES = 12
+
+
+def walk(seed: int, rows: int = 400, size: float = 0.1) -> np.ndarray:
+    """States that wander away from 0 and back."""
+    rng = np.random.default_rng(seed)
+    phases = np.arange(rows)[:, None] * rng.uniform(0.01, 0.1, N_STATES) + rng.uniform(0, 6)
+    return size * np.sin(phases) * np.linspace(0.2, 1.0, rows)[:, None]
+
+
+def band(limit: float, inside: bool = False, seed: int = 1) -> BandWatch:
+    rng = np.random.default_rng(seed)
+    return BandWatch(rng.normal(size=(20, N_STATES)), 0.1 * rng.normal(size=20), limit, inside)
+
+
+def spread(limit: float) -> SpreadWatch:
+    group, index = np.array([0, 0, 1]), np.array([0, 3, 5])
+    return SpreadWatch(index, group, np.ones(3), np.array([np.nan, 0.0]), limit)
+
+
+def verdicts(watch, states) -> list[bool]:
+    """What the compiled condition says of the rows, one after the other as in an integration."""
+    data, verdict = pack_watches([watch]), np.zeros(1)
+    return [bool(first_watch(*data, state, verdict)) for state in states]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("limit", [0.0, 0.4, 0.7, np.inf])
+def test_a_compiled_band_says_of_every_state_what_the_quantities_say(seed, inside, limit):
+    watch, states = band(limit, inside, seed), walk(seed)
+    expected = [watch.holds(state) for state in states]
+    assert verdicts(watch, states) == expected
+    jumps = np.random.default_rng(seed).permutation(len(states))
+    assert verdicts(watch, states[jumps]) == [expected[k] for k in jumps]
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_compiled_band_forgets_a_state_that_is_not_finite(inside, value):
+    states = walk(0, rows=3)
+    states[1, 4] = value
+    assert verdicts(band(5.0, inside), states) == [inside, not inside, inside]
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.3, 0.5, 0.7, 5.0, np.inf])
+@pytest.mark.parametrize("kind", [band, lambda limit: band(limit, True), spread])
+def test_first_is_the_first_row_that_holds(kind, limit):
+    watch = kind(limit)
+    for states in (walk(2), walk(2)[::-1], walk(2)[:1], walk(2)[:0]):
+        rows = [row for row, state in enumerate(states) if watch.holds(state)]
+        assert watch.first(states) == (rows[0] if rows else None)
+
+
+@pytest.mark.parametrize("limit", [5.0, np.inf])
+@pytest.mark.parametrize("kind", [band, spread])
+def test_first_is_a_row_that_is_not_a_number(kind, limit):
+    states = walk(2)
+    states[17] = np.nan
+    assert kind(limit).first(states) == 17
+
+
+def test_the_earliest_row_counts_and_in_one_row_the_first_watch():
+    states = np.linspace(0, 1, 11)[:, None]
+    late, early = BandWatch(np.eye(1), np.zeros(1), 0.75), BandWatch(np.eye(1), np.zeros(1), 0.25)
+    assert first_fired((late, early), states) == (3, 2)
+    assert first_fired((early, early), states) == (3, 1)
+    assert first_fired((late,), states[:8]) is None
+    assert first_fired((), states) is None
+
+
+def test_reach_bounds_how_far_any_quantity_moves():
+    watch, states = band(1.0), walk(3)
+    moved = np.abs(np.diff(states, axis=0))
+    quantities = states @ watch.matrix.T
+    assert np.all(np.abs(np.diff(quantities, axis=0)).max(axis=1) <= moved @ watch.reach + 1e-15)
