@@ -88,6 +88,27 @@ class Parameter:
     default: float | None = None
 
 
+class Side(Enum):
+    """Which way a limit holds."""
+
+    LOWEST = -1
+    HIGHEST = 1
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A parameter that limits something; `state` is named where it limits a state directly."""
+
+    parameter: str
+    side: Side
+    state: str | None = None
+
+
+def limits(lowest: str, highest: str, state: str | None = None) -> tuple[Limit, Limit]:
+    """The pair of limits of one quantity."""
+    return Limit(lowest, Side.LOWEST, state), Limit(highest, Side.HIGHEST, state)
+
+
 def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
     """Parameters need no check beyond their ranges."""
     return ()
@@ -130,6 +151,8 @@ class Device:
         First guess of unknowns by name from parameters and known signals; 0 where it is silent.
     check : callable
         Faults of one unit's parameters beyond their ranges.
+    limits : tuple of Limit
+        Parameters that are limits. The start is found without them, and then compared with them.
     """
 
     model: str
@@ -150,6 +173,7 @@ class Device:
     defaults: Mapping[str, float] = field(default_factory=dict)
     guess: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = lambda p, known: {}
     check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
+    limits: tuple[Limit, ...] = ()
 
     @property
     def parameter_rows(self) -> tuple[str, ...]:

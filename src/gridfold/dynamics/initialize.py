@@ -2,12 +2,14 @@
 
 Block by block, in the order of demand (machine, exciter, turbine, governor, stabilizer), Newton's
 method finds the states, set points and free inputs for which all derivatives vanish and the targets
-are met. It works on the devices' own kernels, so no start-up formula repeats an equation.
+are met. It works on the devices' own kernels, so no start-up formula repeats an equation. Limits are
+taken away for that; one that the start is beyond is named, or moved to the start if asked for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 from gridfold.dynamics.device import START_ORDER, Device
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
 from gridfold.dynamics.layout import Block, Layout
+from gridfold.dynamics.limiting import acting_limits, widened, without_limits
 from gridfold.errors import InitializationError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.newton import newton_batch
@@ -25,26 +28,60 @@ _RESIDUAL_LIMIT = 1e-6
 Known = dict[tuple[UnitKey, str], float]
 
 
+class OnLimit(Enum):
+    """What to do where the operating point is beyond a limit: refuse it, or move the limit there."""
+
+    ERROR = "error"
+    ADJUST = "adjust"
+
+
 @dataclass(frozen=True)
 class Start:
-    """The layout with all set points filled in, the initial state and the constant inputs."""
+    """The layout with all set points filled in, the initial state and the constant inputs.
+
+    `adjusted` tells which limits were moved.
+    """
 
     layout: Layout
     x0: NDArray[np.float64]
     constants: NDArray[np.float64]
+    adjusted: tuple[str, ...] = ()
 
 
-def initialize(layout: Layout, power_flow: PowerFlowResult) -> Start:
-    """Find the start of every block; raises :class:`InitializationError` if one has none."""
+@dataclass
+class _LimitReport:
+    """Limits that the operating point is beyond."""
+
+    on_limit: OnLimit
+    lines: list[str] = field(default_factory=list)
+
+
+def initialize(
+    layout: Layout, power_flow: PowerFlowResult, on_limit: OnLimit = OnLimit.ERROR
+) -> Start:
+    """Find the start of every block.
+
+    Raises
+    ------
+    InitializationError
+        A device has no equilibrium, or it is beyond limits and `on_limit` does not say to move them;
+        names every such limit.
+    """
     known = _operating_point(layout, power_flow)
+    report = _LimitReport(on_limit)
     x0 = np.zeros(layout.n_states)
     blocks = list(layout.blocks)
     order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
     for k in order:
-        blocks[k], x = _start_block(blocks[k], known)
+        blocks[k], x = _start_block(blocks[k], known, report)
         x0[blocks[k].state_index] = x
+    if report.lines and on_limit is OnLimit.ERROR:
+        raise InitializationError(
+            "the operating point is beyond limits; correct them, or have them moved there "
+            "(on_limit 'adjust'):\n  " + "\n  ".join(report.lines)
+        )
     constants = np.array([known[name] for name in layout.constant_names])
-    return Start(replace(layout, blocks=tuple(blocks)), x0, constants)
+    return Start(replace(layout, blocks=tuple(blocks)), x0, constants, tuple(report.lines))
 
 
 def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
@@ -60,7 +97,9 @@ def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
     return known
 
 
-def _start_block(block: Block, known: Known) -> tuple[Block, NDArray[np.float64]]:
+def _start_block(
+    block: Block, known: Known, report: _LimitReport
+) -> tuple[Block, NDArray[np.float64]]:
     """Solve one block; its signals are added to `known`."""
     device, units = block.device, block.units
     for name, value in device.defaults.items():
@@ -73,7 +112,8 @@ def _start_block(block: Block, known: Known) -> tuple[Block, NDArray[np.float64]
             raise InitializationError(
                 f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
             )
-    problem = _StartProblem(block, known)
+    free = replace(block, parameters=without_limits(device, block.parameters))
+    problem = _StartProblem(free, known)
     solution = newton_batch(problem.residual, problem.guess())
     problem.check(solution)
     x, u, p, y = problem.split(solution.astype(np.complex128))
@@ -84,7 +124,34 @@ def _start_block(block: Block, known: Known) -> tuple[Block, NDArray[np.float64]
     ):
         for name, row in zip(rows, values.real, strict=True):
             known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
-    return replace(block, parameters=np.ascontiguousarray(p.real)), x.real
+    parameters = np.ascontiguousarray(p.real)
+    for limit in device.limits:
+        row = device.parameter_rows.index(limit.parameter)
+        parameters[row] = block.parameters[row]
+    _check_limits(block, x.real, u.real, parameters, report)
+    return replace(block, parameters=parameters), x.real
+
+
+def _check_limits(
+    block: Block,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    p: NDArray[np.float64],
+    report: _LimitReport,
+) -> None:
+    """Write down the limits that act at the start, and move them in `p` if that is asked for."""
+    device = block.device
+    for k, column in np.argwhere(acting_limits(device, x, u, p)):
+        limit = device.limits[k]
+        row = device.parameter_rows.index(limit.parameter)
+        one = [np.ascontiguousarray(rows[:, [column]]) for rows in (x, u, p)]
+        needed, symbol = widened(device, k, *one), device.parameters[row].symbol
+        report.lines.append(
+            f"{device.model} {block.units[column]}: {symbol} ({limit.parameter}) is "
+            f"{p[row, column]:.6g}, the start needs {needed:.6g}"
+        )
+        if report.on_limit is OnLimit.ADJUST:
+            p[row, column] = needed
 
 
 class _StartProblem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from gridfold.dynamics.network import (
 )
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
+from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.network_state import NetworkState
@@ -121,8 +122,7 @@ class DetailedModel:
         if state == self.state:
             return self
         equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
-        network = compile_network(equations, self.backend)
-        compiled = pack_rhs(self.layout, self.constants, network, state.units_out)
+        compiled = _compile(self.layout, self.constants, equations, self.backend, state.units_out)
         return replace(self, state=state, equations=equations, compiled=compiled)
 
     def signals(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -183,7 +183,7 @@ def build_model(
     injections = _injections(solved, start.layout)
     state = initial_state(case)
     equations = build_equations(solved, injections, layout.terminals, state)
-    compiled = pack_rhs(start.layout, start.constants, compile_network(equations, backend))
+    compiled = _compile(start.layout, start.constants, equations, backend)
     warnings = _check_equilibrium(start, compiled)
     return DetailedModel(
         solved,
@@ -197,6 +197,18 @@ def build_model(
         compiled,
         warnings,
     )
+
+
+def _compile(
+    layout: Layout,
+    constants: NDArray[np.float64],
+    equations: NetworkEquations,
+    backend: NetworkBackend,
+    units_out: Collection[UnitKey] = (),
+) -> CompiledRhs:
+    """The right-hand side, with its own solver for implicit steppers."""
+    rhs = pack_rhs(layout, constants, compile_network(equations, backend), units_out)
+    return replace(rhs, solver=UnitSolvers(layout, equations, units_out, rhs))
 
 
 def _injections(power_flow: PowerFlowResult, layout: Layout) -> Injections:

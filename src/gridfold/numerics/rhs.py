@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
 from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.implicit import SolverFactory
 
 #: ``f(integers, reals, work, x, dx)``: two read-only blocks of data, scratch space, state, result.
 RHS_SIGNATURE = types.void(
@@ -37,6 +38,8 @@ class CompiledRhs:
     after_step : int
         Address of a function of the same signature that may change the state after each step, for
         values that are held during a step; 0 if there is none.
+    solver : callable, optional
+        Makes the solver of implicit steppers; without it the Jacobian is found numerically.
     """
 
     address: int
@@ -45,6 +48,7 @@ class CompiledRhs:
     work_size: int
     n_states: int
     after_step: int = 0
+    solver: SolverFactory | None = field(default=None, repr=False, compare=False)
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivative at the state `x`, shape (n_states,)."""

@@ -1,0 +1,64 @@
+"""IEEET1: IEEE type-1 excitation system of 1968, a DC commutator exciter.
+
+    VR  = KA / (1 + s TA) (VREF + VS - VT / (1 + s TR) - s KF / (1 + s TF) EFD)
+    EFD = (VR - (KE + SE(EFD)) EFD) / (s TE)
+
+with VRMIN <= VR <= VRMAX, non-windup. PSS/E Model Library; IEEE Committee Report, Computer
+Representation of Excitation Systems, 1968. For KE = 0 and the start see
+``gridfold.dynamics.exciters.dc_commutator``.
+"""
+
+from __future__ import annotations
+
+from gridfold.dynamics.blocks import lag, limited_lag
+from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.exciters import dc_commutator
+from gridfold.dynamics.exciters.dc_commutator import exciter_rate, rate_feedback, start_condition
+
+TR, KA, TA, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED, VREF, KEU, BASE_SPEED = range(17)
+VC, VR, VF, EFD = range(4)
+VT, VS = range(2)
+START = 0
+
+DYR_COLUMNS = dc_commutator.PLAIN_COLUMNS
+
+
+def output(x, u, p, y, dx):
+    """The condition that decides KE at the start."""
+    for i in range(x.shape[1]):
+        y[START, i] = start_condition(
+            x[EFD, i], p[KE, i], p[KEU, i], p[VRMAX, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
+        )
+
+
+def derivative(x, u, p, y, dx):
+    """Measurement, rate feedback, regulator and exciter."""
+    for i in range(x.shape[1]):
+        v_c, dx[VC, i] = lag(u[VT, i], x[VC, i], p[TR, i])
+        v_f, dx[VF, i] = rate_feedback(x[EFD, i], x[VF, i], p[KF, i], p[TF, i])
+        error = p[VREF, i] + u[VS, i] - v_c - v_f
+        v_r, dx[VR, i] = limited_lag(
+            p[KA, i] * error, x[VR, i], p[TA, i], p[VRMIN, i], p[VRMAX, i] + p[ADDED, i]
+        )
+        dx[EFD, i] = exciter_rate(
+            v_r, x[EFD, i], p[KEU, i], p[TE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
+        )
+
+
+IEEET1 = Device(
+    model="ieeet1",
+    title="IEEE type 1 excitation system (PSS/E IEEET1)",
+    role=Role.EXCITER,
+    parameters=dc_commutator.MEASURING + dc_commutator.REGULATOR + dc_commutator.EXCITER,
+    set_points=dc_commutator.SET_POINTS,
+    states=("measured_voltage", "regulator_voltage", "feedback_state", "field_voltage"),
+    inputs=("terminal_voltage", "stabilizer_signal"),
+    outputs=(dc_commutator.START_CONDITION,),
+    output=output,
+    derivative=derivative,
+    targets=("field_voltage", dc_commutator.START_CONDITION),
+    defaults=dc_commutator.DEFAULTS,
+    guess=dc_commutator.guess,
+    check=dc_commutator.check,
+    limits=dc_commutator.LIMITS,
+)

@@ -1,0 +1,88 @@
+"""Which limits of a device act at a given state."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import Device, Limit
+from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
+
+#: Value of a limit that is not there, and the change that counts as acting.
+NO_LIMIT, ACTING = 1e9, 1e-9
+
+
+def without_limits(device: Device, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy of parameter rows, (n_rows, n_units), with every limit out of the way."""
+    free = parameters.copy()
+    for limit in device.limits:
+        free[_row(device, limit)] = limit.side.value * NO_LIMIT
+    return free
+
+
+def acting_limits(
+    device: Device,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    p: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Which limits bind at states x, inputs u and parameters p, shape (n_limits, n_units).
+
+    A limit acts where a state is beyond it, or where derivatives or outputs change without it.
+    """
+    found = np.zeros((len(device.limits), x.shape[1]), dtype=bool)
+    if not device.limits:
+        return found
+    bound = _evaluate(device, x, u, p)
+    for k, limit in enumerate(device.limits):
+        row, side = _row(device, limit), limit.side.value
+        free = p.copy()
+        free[row] = side * NO_LIMIT
+        with np.errstate(invalid="ignore"):
+            found[k] = (np.abs(_evaluate(device, x, u, free) - bound) > ACTING).any(axis=0)
+        if limit.state is not None:
+            state = x[device.states.index(limit.state)]
+            found[k] |= side * (state - p[row]) > ACTING
+    return found
+
+
+def widened(
+    device: Device,
+    k: int,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    p: NDArray[np.float64],
+) -> float:
+    """Value to which limit `k` has to be moved for one unit (one column each) not to act."""
+    limit = device.limits[k]
+    row, side = _row(device, limit), limit.side.value
+    tried = p.copy()
+
+    def acts(value: float) -> bool:
+        tried[row] = value
+        return bool(acting_limits(device, x, u, tried)[k, 0])
+
+    inside = float(p[row, 0])
+    step = max(abs(inside), 1.0) * 1e-3
+    outside = inside + side * step
+    while acts(outside) and abs(outside) < NO_LIMIT:
+        inside, step = outside, 2 * step
+        outside = inside + side * step
+    for _ in range(80):
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if acts(middle) else (inside, middle)
+    return outside
+
+
+def _row(device: Device, limit: Limit) -> int:
+    return device.parameter_rows.index(limit.parameter)
+
+
+def _evaluate(
+    device: Device, x: NDArray[np.float64], u: NDArray[np.float64], p: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Outputs and derivatives, one below the other."""
+    states, inputs, parameters = (np.asarray(m, dtype=np.complex128) for m in (x, u, p))
+    y = output_stage(device, states, inputs, parameters, source_stage(device, states, parameters))
+    dx = derivative_stage(device, states, inputs, parameters, y)
+    return np.concatenate([y.real, dx.real])

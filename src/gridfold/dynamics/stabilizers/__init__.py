@@ -1,0 +1,1 @@
+"""Power-system stabilizers, one file a model."""

@@ -1,0 +1,79 @@
+"""Compiled solvers of (I - gamma J) y = b, where J is the Jacobian of a right-hand side.
+
+An implicit stepper asks for one with the state and gamma, and keeps it as long as its iteration
+converges. A system with structure brings its own; the others are differentiated numerically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import compile_callback, matrix_view
+
+#: ``solve(integers, reals, b, y, scratch)``: two read-only data blocks, right-hand side, solution.
+SOLVER_SIGNATURE = types.void(
+    types.int64[::1],
+    types.float64[::1],
+    types.float64[::1],
+    types.float64[::1],
+    types.float64[::1],
+)
+
+#: Relative step of numerical differentiation: about the cube root of the rounding error.
+_DIFFERENCE = 6e-6
+
+
+@dataclass(frozen=True)
+class CompiledSolver:
+    """Address of a function compiled for :data:`SOLVER_SIGNATURE`, and its data."""
+
+    address: int
+    integers: NDArray[np.int64]
+    reals: NDArray[np.float64]
+    scratch_size: int
+
+
+#: Makes the solver for a state, shape (n_states,), and a gamma in seconds.
+SolverFactory = Callable[[NDArray[np.float64], float], CompiledSolver]
+
+
+def dense_solver(jacobian: NDArray[np.float64], gamma: float) -> CompiledSolver:
+    """The solver for a full Jacobian, shape (n, n), by its inverse."""
+    n = len(jacobian)
+    inverse = np.asarray(np.linalg.inv(np.eye(n) - gamma * jacobian), dtype=np.float64)
+    return CompiledSolver(_compiled().address, np.array([n]), inverse.reshape(-1), 0)
+
+
+def numerical_jacobian(
+    f: Callable[[NDArray[np.float64]], NDArray[np.float64]], x: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Jacobian of `f` at `x` by central differences, shape (n, n)."""
+    steps = _DIFFERENCE * np.maximum(1.0, np.abs(x))
+    columns = []
+    for k, h in enumerate(steps):
+        shift = np.zeros(len(x))
+        shift[k] = h
+        columns.append((f(x + shift) - f(x - shift)) / (2 * h))
+    return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
+
+
+def _solve(integers, reals, b, y, scratch):
+    n = integers[0]
+    inverse = matrix_view(reals, 0, n, n)
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += inverse[i, j] * b[j]
+        y[i] = total
+
+
+@cache
+def _compiled() -> Any:
+    return compile_callback(_solve, SOLVER_SIGNATURE)
