@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -419,11 +421,6 @@ def test_sound_parameters_have_no_fault(model):
     ("model", "change", "text"),
     [
         ("gencls", {"inertia": 0.0}, r"inertia \(H\) is 0.*infinite_bus"),
-        ("genrou", {"d_reactance": 0.28}, r"\(Xd\) 0.28 is less than .*\(X'd\) 0.3"),
-        ("genrou", {"d_transient_reactance": 0.24}, r"\(X'd\) 0.24 is less than .*\(X''d\) 0.25"),
-        ("genrou", {"subtransient_reactance": 0.1}, r"\(X''d\) 0.1 is less than .*\(Xl\) 0.2"),
-        ("genrou", {"q_reactance": 0.5}, r"\(Xq\) 0.5 is less than .*\(X'q\) 0.55"),
-        ("genrou", {"q_transient_reactance": 0.21}, r"\(X'q\) 0.21 is less than .*\(X''q\) 0.25"),
         ("genrou", {"q_transient_reactance": 0.0}, r"\(X'q\) is 0.*GENSAL"),
         ("genrou", {"q_open_circuit_time": 0.0}, r"\(T'q0\) is 0.*GENSAL"),
         ("genrou", {"saturation_12": 0.1}, r"\(S\(1.2\)\) 0.1 is less than .*\(S\(1.0\)\) 0.11"),
@@ -432,14 +429,29 @@ def test_sound_parameters_have_no_fault(model):
             {"leakage_reactance": 0.3, "subtransient_reactance": 0.3},
             r"\(X'd\) 0.3 must be greater than leakage_reactance \(Xl\)",
         ),
-        ("gensal", {"q_reactance": 0.21}, r"\(Xq\) 0.21 is less than .*\(X''q\) 0.22"),
-        ("gensal", {"leakage_reactance": 0.23}, r"\(X''d\) 0.22 is less than .*\(Xl\) 0.23"),
         ("gensal", {"saturation_10": 0.5}, r"\(S\(1.2\)\) 0.45 is less than .*\(S\(1.0\)\) 0.5"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_with_symbol_and_value(model, change, text):
     with pytest.raises(gf.CaseError, match=text):
         machine_on_grid(model, SAMPLES[model] | change)
+
+
+@pytest.mark.parametrize(
+    ("model", "change", "text"),
+    [
+        ("genrou", {"d_reactance": 0.28}, r"\(Xd\) 0.28 is less than .*\(X'd\) 0.3"),
+        ("genrou", {"d_transient_reactance": 0.24}, r"\(X'd\) 0.24 is less than .*\(X''d\) 0.25"),
+        ("genrou", {"subtransient_reactance": 0.1}, r"\(X''d\) 0.1 is less than .*\(Xl\) 0.2"),
+        ("genrou", {"q_reactance": 0.5}, r"\(Xq\) 0.5 is less than .*\(X'q\) 0.55"),
+        ("genrou", {"q_transient_reactance": 0.21}, r"\(X'q\) 0.21 is less than .*\(X''q\) 0.25"),
+        ("gensal", {"q_reactance": 0.21}, r"\(Xq\) 0.21 is less than .*\(X''q\) 0.22"),
+        ("gensal", {"leakage_reactance": 0.23}, r"\(X''d\) 0.22 is less than .*\(Xl\) 0.23"),
+    ],
+)
+def test_reactances_in_an_odd_order_are_a_warning(model, change, text):
+    warnings = machine_on_grid(model, SAMPLES[model] | change).warnings
+    assert any(re.search(text, warning) for warning in warnings)
 
 
 @DETAILED

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.assemble import assemble, negative_loads
+from gridfold.dynamics.assemble import assemble, doubts, negative_loads
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import Start, initialize
 from gridfold.dynamics.jacobian import Partials, model_partials
@@ -184,7 +184,7 @@ def build_model(
     state = initial_state(case)
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend)
-    warnings = _check_equilibrium(start, compiled)
+    warnings = (*doubts(case, devices), *_check_equilibrium(start, compiled))
     return DetailedModel(
         solved,
         start.layout,

@@ -108,18 +108,25 @@ def regulator(error, x_lead, x_regulator, gain, time, lead, lag_time, lowest, hi
 
 
 @njit
+def saturation(e_fd, e_1, s_1, e_2, s_2):
+    """EFD SE(EFD); a curve with SE = 0 at one of its points means that there is none."""
+    if s_1.real == 0.0 or s_2.real == 0.0:
+        return 0.0 * e_fd
+    return quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)
+
+
+@njit
 def exciter_rate(v_r, e_fd, k_e, t_e, e_1, s_1, e_2, s_2):
     """Derivative of EFD."""
-    saturation = quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)
-    return (v_r - k_e * e_fd - saturation) / t_e
+    return (v_r - k_e * e_fd - saturation(e_fd, e_1, s_1, e_2, s_2)) / t_e
 
 
 @njit
 def start_condition(e_fd, k_e, k_e_used, v_rmax, e_1, s_1, e_2, s_2):
     """What has to vanish at the start: KE is the given one, or that of the trimmed shunt field."""
     if k_e.real == 0.0:
-        saturation = quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)
-        return k_e_used * e_fd + saturation - TRIMMED_SHARE * v_rmax
+        drop = k_e_used * e_fd + saturation(e_fd, e_1, s_1, e_2, s_2)
+        return drop - TRIMMED_SHARE * v_rmax
     return k_e_used - k_e
 
 

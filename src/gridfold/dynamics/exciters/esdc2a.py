@@ -95,4 +95,5 @@ ESDC2A = Device(
         *dc_commutator.LIMITS,
         Limit("field_voltage_minimum", Side.LOWEST, state="exciter_voltage"),
     ),
+    psse_record=DYR_COLUMNS,
 )

@@ -214,4 +214,5 @@ ESST3A = Device(
         Limit("source_maximum", Side.HIGHEST),
         Limit("inner_feedback_maximum", Side.HIGHEST),
     ),
+    psse_record=DYR_COLUMNS,
 )

@@ -147,4 +147,5 @@ EXST1 = Device(
     check=check,
     limits=limits("error_minimum", "error_maximum")
     + limits("regulator_minimum", "regulator_maximum"),
+    psse_record=DYR_COLUMNS,
 )

@@ -61,4 +61,5 @@ IEEET1 = Device(
     guess=dc_commutator.guess,
     check=dc_commutator.check,
     limits=dc_commutator.LIMITS,
+    psse_record=DYR_COLUMNS,
 )

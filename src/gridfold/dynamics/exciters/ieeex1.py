@@ -86,4 +86,5 @@ IEEEX1 = Device(
     guess=dc_commutator.guess,
     check=dc_commutator.check,
     limits=dc_commutator.LIMITS,
+    psse_record=DYR_COLUMNS,
 )

@@ -79,4 +79,5 @@ SEXS = Device(
     guess=guess,
     check=check,
     limits=limits("field_voltage_minimum", "field_voltage_maximum", state="exciter_voltage"),
+    psse_record=DYR_COLUMNS,
 )

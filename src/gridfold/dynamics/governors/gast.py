@@ -135,4 +135,5 @@ GAST = Device(
         Limit("temperature_limit", Side.HIGHEST),
         *limits("lowest_fuel", "highest_fuel", state="fuel"),
     ),
+    psse_record=DYR_COLUMNS,
 )

@@ -133,4 +133,5 @@ HYGOV = Device(
         Limit("gate_velocity", Side.HIGHEST),
         *limits("lowest_gate", "highest_gate", state="desired_gate"),
     ),
+    psse_record=DYR_COLUMNS,
 )

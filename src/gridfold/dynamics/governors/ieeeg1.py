@@ -169,4 +169,5 @@ IEEEG1 = Device(
         *limits("closing_rate", "opening_rate"),
         *limits("lowest_gate", "highest_gate", state="gate"),
     ),
+    psse_record=DYR_COLUMNS,
 )

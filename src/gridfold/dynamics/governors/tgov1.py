@@ -88,4 +88,5 @@ TGOV1 = Device(
     guess=guess,
     check=check,
     limits=limits("lowest_valve", "highest_valve", state="valve"),
+    psse_record=DYR_COLUMNS,
 )

@@ -64,4 +64,5 @@ GENCLS = Device(
     solved_inputs=classical.CLASSICAL.solved_inputs,
     guess=guess,
     check=check,
+    psse_record=DYR_COLUMNS,
 )

@@ -191,29 +191,36 @@ D_AXIS: tuple[Named, ...] = (
     ("subtransient_reactance", "X''d"),
     ("leakage_reactance", "Xl"),
 )
+Q_AXIS: tuple[Named, ...] = (
+    ("q_reactance", "Xq"),
+    ("q_transient_reactance", "X'q"),
+    ("subtransient_reactance", "X''q"),
+)
 
 
 def check(parameters: Mapping[str, float]) -> Iterable[str]:
-    """Reactances fall from synchronous to leakage; both axes have a transient circuit."""
-    yield from falling(parameters, D_AXIS)
+    """Both axes have a transient circuit, with a reactance other than that of the leakage."""
     yield from above_leakage(parameters, ("d_transient_reactance", "X'd"))
     yield from rising_saturation(parameters)
-    time, reactance = ("q_open_circuit_time", "T'q0"), ("q_transient_reactance", "X'q")
-    missing = [pair for pair in (time, reactance) if parameters[pair[0]] == 0]
+    pairs = (("q_open_circuit_time", "T'q0"), ("q_transient_reactance", "X'q"))
+    missing = [pair for pair in pairs if parameters[pair[0]] == 0]
     for name, symbol in missing:
         yield (
             f"{name} ({symbol}) is 0, but GENROU has a transient circuit in the q axis; "
             "a machine without one is a GENSAL"
         )
     if not missing:
-        yield from falling(
-            parameters, (("q_reactance", "Xq"), reactance, ("subtransient_reactance", "X''q"))
-        )
-        yield from above_leakage(parameters, reactance)
+        yield from above_leakage(parameters, pairs[1])
+
+
+def doubts(parameters: Mapping[str, float]) -> Iterable[str]:
+    """Reactances that do not fall from synchronous to leakage."""
+    yield from falling(parameters, D_AXIS)
+    yield from falling(parameters, Q_AXIS)
 
 
 def falling(parameters: Mapping[str, float], order: tuple[Named, ...]) -> Iterator[str]:
-    """Faults where a parameter is less than its successor in `order`."""
+    """Sentences where a parameter is less than its successor in `order`."""
     for (name, symbol), (next_name, next_symbol) in pairwise(order):
         value, following = parameters[name], parameters[next_name]
         if value < following:
@@ -283,4 +290,6 @@ GENROU = Device(
     solved_inputs=("field_voltage", "mechanical_power"),
     guess=guess,
     check=check,
+    doubts=doubts,
+    psse_record=DYR_COLUMNS,
 )

@@ -105,11 +105,15 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def check(parameters: Mapping[str, float]) -> Iterable[str]:
-    """Reactances fall from synchronous to leakage."""
-    yield from falling(parameters, D_AXIS)
-    yield from falling(parameters, (("q_reactance", "Xq"), ("subtransient_reactance", "X''q")))
+    """A transient reactance other than that of the leakage."""
     yield from above_leakage(parameters, ("d_transient_reactance", "X'd"))
     yield from rising_saturation(parameters)
+
+
+def doubts(parameters: Mapping[str, float]) -> Iterable[str]:
+    """Reactances that do not fall from synchronous to leakage."""
+    yield from falling(parameters, D_AXIS)
+    yield from falling(parameters, (("q_reactance", "Xq"), ("subtransient_reactance", "X''q")))
 
 
 GENSAL = Device(
@@ -152,4 +156,6 @@ GENSAL = Device(
     solved_inputs=("field_voltage", "mechanical_power"),
     guess=guess,
     check=check,
+    doubts=doubts,
+    psse_record=DYR_COLUMNS,
 )

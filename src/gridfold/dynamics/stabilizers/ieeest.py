@@ -220,4 +220,5 @@ IEEEST = Device(
         *limits("lowest_signal", "highest_signal"),
         *limits("lower_cut_off", "upper_cut_off"),
     ),
+    psse_record=DYR_COLUMNS,
 )

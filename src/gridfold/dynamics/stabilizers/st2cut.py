@@ -174,4 +174,5 @@ ST2CUT = Device(
         *limits("lowest_signal", "highest_signal"),
         *limits("lower_cut_off", "upper_cut_off"),
     ),
+    psse_record=DYR_COLUMNS,
 )
