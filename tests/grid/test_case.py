@@ -42,7 +42,8 @@ def test_origins_have_no_part_in_comparisons(ring):
 
 
 def test_number_fields_leave_out_texts_flags_and_absent_values():
-    assert set(number_fields(gf.Load(3, active_mw=5.0))) == {"bus", "active_mw", "reactive_mvar"}
+    shunt = {"bus", "conductance_mw", "susceptance_mvar"}
+    assert set(number_fields(gf.Shunt(3, susceptance_mvar=5.0))) == shunt
     assert "latitude" not in number_fields(gf.Bus(1))
     assert number_fields(gf.Bus(1, latitude=41.0))["latitude"] == 41.0
 
@@ -60,4 +61,6 @@ def test_fingerprint_depends_on_base_and_frequency_but_not_on_name_or_origins(ri
     assert replace(ring, base_mva=50.0).fingerprint != ring.fingerprint
     assert replace(ring, frequency_hz=50.0).fingerprint != ring.fingerprint
     renamed = replace(ring, name="other", description="told", origins={"bus 1": "x:1"})
+    renamed = replace(renamed, unsupported=("a dc line",), notices=("bus 4 left out",))
+    assert renamed == replace(ring, name="other", description="told")
     assert renamed.fingerprint == ring.fingerprint

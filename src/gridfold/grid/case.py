@@ -13,6 +13,8 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+_LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
+
 
 class UnitKey(NamedTuple):
     """A generating unit: bus number and machine id, written ``23:1``."""
@@ -52,13 +54,21 @@ class Bus:
 
 @dataclass(frozen=True)
 class Load:
-    """A load of constant power in the power flow, constant impedance in the dynamics."""
+    """A load: constant power, current and impedance in the power flow.
+
+    The power drawn at voltage V (p.u.) is ``active_mw + current_active_mw V + impedance_active_mw
+    V^2``, reactive power likewise. In the dynamics its solved power is a constant impedance.
+    """
 
     bus: int
     id: str = "1"
     active_mw: float = 0.0
     reactive_mvar: float = 0.0
     in_service: bool = True
+    current_active_mw: float = field(default=0.0, metadata=_LATER)
+    current_reactive_mvar: float = field(default=0.0, metadata=_LATER)
+    impedance_active_mw: float = field(default=0.0, metadata=_LATER)
+    impedance_reactive_mvar: float = field(default=0.0, metadata=_LATER)
 
     def __str__(self) -> str:
         return f"load {self.bus}:{self.id}"
@@ -105,6 +115,9 @@ class Generator:
 
     Where several units regulate one bus, each takes the part `share` / (sum of shares) of the
     bus's solved reactive power, and at the slack bus of its active power.
+
+    `source_resistance` and `source_reactance` (PSS/E: ZSORCE, per unit on `base_mva`) are the
+    impedance behind which planners' files put the machine; models that bring their own ignore it.
     """
 
     bus: int
@@ -116,6 +129,8 @@ class Generator:
     control: Control = Control.VOLTAGE
     share: float = 1.0
     in_service: bool = True
+    source_resistance: float = field(default=0.0, metadata=_LATER)
+    source_reactance: float = field(default=1.0, metadata=_LATER)
 
     @property
     def key(self) -> UnitKey:
@@ -151,8 +166,9 @@ Record = Bus | Load | Shunt | Branch | Generator | DeviceRecord
 class Case:
     """A grid: its network, its operating point and its dynamic devices.
 
-    `origins` tells for a record's name (``str(record)``) the file and line it came from; it has no
-    part in comparisons.
+    `origins` tells for a record's name (``str(record)``) the file and line it came from.
+    `unsupported` has a line for every record of the file that could not be taken over, `notices` one
+    for what was left out or changed without loss. None of the three has a part in comparisons.
     """
 
     name: str
@@ -167,6 +183,8 @@ class Case:
     description: str = ""
     area_names: Mapping[int, str] = field(default_factory=dict)
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    unsupported: tuple[str, ...] = field(default=(), compare=False)
+    notices: tuple[str, ...] = field(default=(), compare=False)
 
     @cached_property
     def bus_index(self) -> dict[int, int]:
@@ -184,7 +202,7 @@ class Case:
         digest = hashlib.sha256()
         for table in (self.buses, self.branches, self.generators, self.loads, self.shunts):
             for record in table:
-                digest.update(repr(record).encode())
+                digest.update(_print(record).encode())
         for device in self.devices:
             parameters = sorted(device.parameters.items())
             digest.update(repr((device.model, device.key, parameters)).encode())
@@ -195,6 +213,13 @@ class Case:
         """Name of `record`, with the file and line it came from where that is known."""
         origin = self.origins.get(str(record))
         return f"{record} ({origin})" if origin else str(record)
+
+
+def _print(record: Record) -> str:
+    """``repr(record)`` without later fields at their default: old fingerprints stay valid."""
+    values = ((item, getattr(record, item.name)) for item in fields(record))
+    shown = (f"{f.name}={v!r}" for f, v in values if not (f.metadata and v == f.default))
+    return f"{type(record).__name__}({', '.join(shown)})"
 
 
 def number_fields(record: Record) -> dict[str, float]:

@@ -11,12 +11,13 @@ from scipy.sparse import csc_array, csc_matrix
 
 from gridfold.errors import PowerFlowError
 from gridfold.grid.admittance import bus_admittance
-from gridfold.grid.case import Case, Control
+from gridfold.grid.case import Case, Control, Load
 from gridfold.grid.islands import island_labels
 from gridfold.grid.validation import require_valid
 from gridfold.powerflow.result import PowerFlowResult
 
 _MAX_ITERATIONS = 30
+_MAX_LOAD_ITERATIONS = 100
 _WORST = 5
 
 
@@ -43,6 +44,7 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     """Solve the power flow of a case.
 
     Newton's method starts from the stored voltages, and once more from a flat start if that fails.
+    Where loads depend on voltage, it is repeated with the loads of the last voltages until both fit.
     Reactive limits are not enforced.
 
     Parameters
@@ -65,14 +67,58 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
         No solution was found; names the buses with the largest mismatch.
     """
     require_valid(case)
-    load = _load_power(case)
     admittance = bus_admittance(case)
-    stored = np.array(
+    voltage = np.array(
         [bus.voltage_pu * np.exp(1j * np.deg2rad(bus.angle_deg)) for bus in case.buses]
     )
-    scheduled, set_point, kind = _schedule(case, load)
-    held = kind != Control.POWER
-    stored[held] *= set_point[held] / np.abs(stored[held])
+    load = _load_power(case, np.abs(_at_set_points(case, voltage)))
+    if not any(_depends_on_voltage(item) for item in case.loads):
+        voltage, iterations, worst = _solve_islands(case, admittance, load, voltage, tolerance)
+    else:
+        voltage, load, iterations, worst = _solve_with_loads(
+            case, admittance, load, voltage, tolerance
+        )
+    injection = voltage * np.conj(admittance @ voltage)
+    unit_power = _share_out(case, injection + load)
+    return PowerFlowResult(case, voltage, unit_power, load, iterations, worst)
+
+
+def _solve_with_loads(
+    case: Case,
+    admittance: csc_array,
+    load: NDArray[np.complex128],
+    voltage: NDArray[np.complex128],
+    tolerance: float,
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], int, float]:
+    """Voltages and loads that fit each other: power flows with the loads of the voltages before.
+
+    Half of the tolerance is left to the power flow, half to the change of the loads.
+    """
+    iterations = 0
+    for _ in range(_MAX_LOAD_ITERATIONS):
+        voltage, count, worst = _solve_islands(case, admittance, load, voltage, tolerance / 2)
+        iterations += count
+        drawn = _load_power(case, np.abs(voltage))
+        change = float(np.abs(drawn - load).max())
+        load = drawn
+        if change <= tolerance / 2:
+            return voltage, load, iterations, worst + change
+    raise PowerFlowError(
+        f"case {case.name}: the loads that depend on voltage did not settle in "
+        f"{_MAX_LOAD_ITERATIONS} power flows; they still change by {change * case.base_mva:.3g} MVA"
+    )
+
+
+def _solve_islands(
+    case: Case,
+    admittance: csc_array,
+    load: NDArray[np.complex128],
+    start: NDArray[np.complex128],
+    tolerance: float,
+) -> tuple[NDArray[np.complex128], int, float]:
+    """Voltages with loads of constant power, most Newton iterations, largest mismatch."""
+    scheduled, kind = _schedule(case, load)
+    stored = _at_set_points(case, start)
     voltage = stored.copy()
     iterations, worst = 0, 0.0
     labels = island_labels(case)
@@ -89,25 +135,50 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
         voltage[members], count = _solve_island(case, problem, stored[members], members, tolerance)
         iterations = max(iterations, count)
         worst = max(worst, float(np.abs(problem.mismatch(voltage[members])).max()))
-    injection = voltage * np.conj(admittance @ voltage)
-    unit_power = _share_out(case, injection + load)
-    return PowerFlowResult(case, voltage, unit_power, load, iterations, worst)
+    return voltage, iterations, worst
 
 
-def _load_power(case: Case) -> NDArray[np.complex128]:
+def _depends_on_voltage(load: Load) -> bool:
+    return load.in_service and any(
+        (
+            load.current_active_mw,
+            load.current_reactive_mvar,
+            load.impedance_active_mw,
+            load.impedance_reactive_mvar,
+        )
+    )
+
+
+def _load_power(case: Case, magnitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Load at each bus at these voltage magnitudes, all in per unit, shape (n_buses,)."""
     power = np.zeros(len(case.buses), dtype=np.complex128)
     for load in case.loads:
-        if load.in_service:
-            power[case.bus_index[load.bus]] += complex(load.active_mw, load.reactive_mvar)
+        if not load.in_service:
+            continue
+        at = case.bus_index[load.bus]
+        power[at] += complex(load.active_mw, load.reactive_mvar)
+        if _depends_on_voltage(load):
+            v = magnitude[at]
+            power[at] += complex(load.current_active_mw, load.current_reactive_mvar) * v
+            power[at] += complex(load.impedance_active_mw, load.impedance_reactive_mvar) * v**2
     return power / case.base_mva
+
+
+def _at_set_points(case: Case, voltage: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """`voltage` with the magnitudes that generators hold."""
+    held = voltage.copy()
+    for unit in case.generators:
+        if unit.in_service and unit.control is not Control.POWER:
+            at = case.bus_index[unit.bus]
+            held[at] = voltage[at] * (unit.voltage_pu / np.abs(voltage[at]))
+    return held
 
 
 def _schedule(
     case: Case, load: NDArray[np.complex128]
-) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.object_]]:
-    """Scheduled injection, voltage set point and kind of each bus."""
+) -> tuple[NDArray[np.complex128], NDArray[np.object_]]:
+    """Scheduled injection and kind of each bus."""
     scheduled = -load
-    set_point = np.ones(len(case.buses))
     kind = np.full(len(case.buses), Control.POWER, dtype=object)
     rank = {Control.POWER: 0, Control.VOLTAGE: 1, Control.SLACK: 2}
     for unit in case.generators:
@@ -115,11 +186,9 @@ def _schedule(
             continue
         at = case.bus_index[unit.bus]
         scheduled[at] += complex(unit.active_mw, unit.reactive_mvar) / case.base_mva
-        if unit.control is not Control.POWER:
-            set_point[at] = unit.voltage_pu
         if rank[unit.control] > rank[kind[at]]:
             kind[at] = unit.control
-    return scheduled, set_point, kind
+    return scheduled, kind
 
 
 def _solve_island(

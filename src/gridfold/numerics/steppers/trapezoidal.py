@@ -28,8 +28,10 @@ _TOLERANCE = 1e-8
 _ITERATIONS, _SLOW = 10, 0.3
 #: Steps between two new Jacobians for the sake of speed.
 _PATIENCE = 5
-#: A step that does not converge is halved up to this many times.
-_HALVINGS = 10
+#: A step is halved up to this many times; with a tolerance, so often at the start of a segment.
+_HALVINGS, _FIRST_LEVEL = 10, 3
+#: After so many sampling intervals with errors below this part of the tolerance steps are doubled.
+_CALM_INTERVALS, _CALM = 3, 1 / 10
 
 
 class _Outcome(IntEnum):
@@ -51,8 +53,8 @@ class ImplicitTrapezoidal:
     step : float
         Time step in seconds, and distance of the samples.
     tolerance : float, optional
-        Largest local error of a step in a state, relative to its size or 1; a step with a larger one
-        is divided. None (default): every step that can be solved is taken.
+        Largest local error of a step in a state, relative to its size or 1; sampling intervals are
+        divided into as many steps as it takes. None (default): one step each.
     """
 
     step: float = 0.01
@@ -74,19 +76,22 @@ class ImplicitTrapezoidal:
         watches: Sequence[Watch] = (),
     ) -> Integration:
         """Integrate from `x0` along `times`."""
-        return _Run(rhs, watches, self.tolerance).along(times, x0)
+        run = _Run(rhs, watches)
+        if self.tolerance is None:
+            return run.along(times, x0)
+        return run.controlled(times, x0, self.tolerance)
 
 
 class _Run:
     """One integration: the solver in use, and what to do when the compiled loop comes back."""
 
-    def __init__(self, rhs: CompiledRhs, watches: Sequence[Watch], tolerance: float | None):
+    def __init__(self, rhs: CompiledRhs, watches: Sequence[Watch]):
         self.rhs, self.watches = rhs, watches
-        self.packed = pack_watches(watches)
-        self.tolerance = np.inf if tolerance is None else tolerance
+        self.packed, self.unwatched = pack_watches(watches), pack_watches(())
         self.work = np.zeros(rhs.work_size)
         self.solver: CompiledSolver | None = None
         self.made: tuple[bytes, float] = (b"", 0.0)
+        self.worst = 0.0
 
     def along(self, times: NDArray[np.float64], x0: NDArray[np.float64]) -> Integration:
         """All steps; each obstacle that the loop reports is removed, or the step divided."""
@@ -94,33 +99,61 @@ class _Run:
         states[0] = x0
         step, last = 0, len(times) - 1
         while step < last:
-            step, outcome, fired = self._loop(times, states, step, self.tolerance)
-            if outcome == _Outcome.FIRED:
-                return Integration(states[: step + 1], fired)
+            step, outcome, fired = self._loop(times, states, step, self.packed)
             if outcome == _Outcome.FAILED and not self._renew(times, states, step):
                 states[step + 1] = self._divided(times[step : step + 2], states[step])
                 step += 1
                 if not np.isfinite(states[step]).all():
                     return Integration(states[: step + 1], 0)
                 fired = self._fired(states[step])
-                if fired:
-                    return Integration(states[: step + 1], fired)
             elif outcome in (_Outcome.NEW_STEP_SIZE, _Outcome.SLOW):
                 self._renew(times, states, step)
+            if fired:
+                return Integration(states[: step + 1], fired)
+        return Integration(states, 0)
+
+    def controlled(
+        self, times: NDArray[np.float64], x0: NDArray[np.float64], tolerance: float
+    ) -> Integration:
+        """Every sampling interval in so many equal steps that the local error is within bounds."""
+        states = np.full((len(times), self.rhs.n_states), np.nan)
+        states[0] = x0
+        level, calm = _FIRST_LEVEL, 0
+        past: NDArray[np.float64] = states[:1]
+        for step in range(len(times) - 1):
+            ends = times[step : step + 2]
+            fine = self._parts(ends, past, level)
+            while level < _HALVINGS and (fine is None or self.worst > tolerance):
+                level, calm, past = level + 1, 0, states[step : step + 1]
+                fine = self._parts(ends, past, level)
+            if fine is None:
+                return Integration(states[: step + 2], 0)
+            states[step + 1], past = fine[-1], fine[-3:]
+            fired = self._fired(states[step + 1])
+            if fired:
+                return Integration(states[: step + 2], fired)
+            calm = calm + 1 if self.worst < _CALM * tolerance else 0
+            if calm >= _CALM_INTERVALS and level > 0:
+                level, calm, past = level - 1, 0, states[step + 1 : step + 2]
         return Integration(states, 0)
 
     def _loop(
-        self, times: NDArray[np.float64], states: NDArray[np.float64], step: int, tolerance: float
+        self,
+        times: NDArray[np.float64],
+        states: NDArray[np.float64],
+        step: int,
+        watches: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]],
     ) -> tuple[int, int, int]:
         if self.solver is None:
             self._renew(times, states, step)
         assert self.solver is not None
         rhs, solver = self.rhs, self.solver
-        step, outcome, fired = _steps(
+        step, outcome, fired, worst = _steps(
             rhs.address, rhs.after_step, rhs.integers, rhs.reals, self.work,
             solver.address, solver.integers, solver.reals, np.zeros(solver.scratch_size),
-            self.made[1], times, states, step, tolerance, *self.packed,
+            self.made[1], times, states, step, *watches,
         )  # fmt: skip
+        self.worst = max(self.worst, worst)
         return int(step), int(outcome), int(fired)
 
     def _renew(self, times: NDArray[np.float64], states: NDArray[np.float64], step: int) -> bool:
@@ -138,40 +171,30 @@ class _Run:
         return True
 
     def _divided(self, ends: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The state after one step in ever more parts, until it can be solved and is accurate."""
-        before = None
-        for halving in range(_HALVINGS):
-            parts = np.linspace(ends[0], ends[1], 2**halving + 1)
-            found = self._parts(parts, x)
-            if found is None:
-                continue
-            if self.tolerance == np.inf:
-                return found
-            if before is not None:
-                error = np.max(np.abs(found - before) / np.maximum(1.0, np.abs(found))) / 3
-                if error <= self.tolerance:
-                    return found
-            before = found
+        """The state after one step in ever more parts, until it can be solved; else not a number."""
+        for level in range(1, _HALVINGS + 1):
+            fine = self._parts(ends, x[None, :], level)
+            if fine is not None:
+                return fine[-1]
         return np.full(len(x), np.nan)
 
     def _parts(
-        self, times: NDArray[np.float64], x: NDArray[np.float64]
+        self, ends: NDArray[np.float64], past: NDArray[np.float64], level: int
     ) -> NDArray[np.float64] | None:
-        """The state at the end of a few steps, None where one cannot be solved."""
-        states: NDArray[np.float64] = np.empty((len(times), len(x)))
-        states[0] = x
-        step, packed = 0, self.packed
-        self.packed = pack_watches(())
-        try:
-            while step < len(times) - 1:
-                self._renew(times, states, step)
-                step, outcome, _ = self._loop(times, states, step, np.inf)
-                if outcome == _Outcome.FAILED and not self._renew(times, states, step):
-                    return None
-        finally:
-            self.packed = packed
-        last: NDArray[np.float64] = states[-1]
-        return last
+        """States of 2^level steps behind up to three `past` ones; None if one cannot be solved."""
+        parts, known = 2**level, len(past)
+        h = (ends[1] - ends[0]) / parts
+        times = ends[0] + h * np.arange(1 - known, parts + 1)
+        states: NDArray[np.float64] = np.empty((len(times), past.shape[1]))
+        states[:known] = past
+        step, self.worst = known - 1, 0.0
+        while step < len(times) - 1:
+            step, outcome, _ = self._loop(times, states, step, self.unwatched)
+            if outcome == _Outcome.END:
+                break
+            if not self._renew(times, states, step) and outcome == _Outcome.FAILED:
+                return None
+        return states
 
     def _fired(self, x: NDArray[np.float64]) -> int:
         """Number, counted from 1, of the first watch that holds at `x`; 0 if there is none."""
@@ -231,20 +254,21 @@ def _solve_step(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _steps(
     address, after, integers, reals, work, s_address, s_integers, s_reals, scratch, h_solver,
-    times, states, first, tolerance, table, w_integers, w_reals,
+    times, states, first, table, w_integers, w_reals,
 ):  # fmt: skip
-    """Steps from `first` on until something comes up; returns (steps done, why, watch fired)."""
+    """Steps from `first` on until something comes up.
+
+    Returns (steps done, why, watch fired, largest local error).
+    """
     n = states.shape[1]
     f, f_new, residual, correction = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    guess, verdict = np.empty(n), np.zeros(1)
+    guess, verdict, worst = np.empty(n), np.zeros(1), 0.0
     for step in range(first, len(times) - 1):
         x, x_new = states[step], states[step + 1]
         h = times[step + 1] - times[step]
         if abs(h - h_solver) > 1e-6 * h_solver:
-            return step, 2, 0
+            return step, 2, 0, worst
         known = _extrapolate(times, states, step, guess)
-        if known < 3 and tolerance < np.inf:
-            return step, 4, 0
         for i in range(n):
             x_new[i] = guess[i]
         invoke(address, (integers, reals, work, x, f))
@@ -253,16 +277,16 @@ def _steps(
             x, f, h, x_new, f_new, residual, correction,
         )  # fmt: skip
         if rate < 0:
-            return step, 4, 0
-        # The third difference tells both the error of the guess and, 13 times smaller, of the rule.
-        for i in range(n):
-            if abs(x_new[i] - guess[i]) > 13 * tolerance * max(1.0, abs(x_new[i])):
-                return step, 4, 0
+            return step, 4, 0, worst
+        # The third difference is the error of the guess, and 13 times that of the rule.
+        if known == 3:
+            for i in range(n):
+                worst = max(worst, abs(x_new[i] - guess[i]) / max(1.0, abs(x_new[i])) / 13)
         if after:
             invoke(after, (integers, reals, work, x_new, f_new))
         fired = first_watch(table, w_integers, w_reals, x_new, verdict)
         if fired:
-            return step + 1, 1, fired
+            return step + 1, 1, fired, worst
         if rate > _SLOW and step > first + _PATIENCE:
-            return step + 1, 3, 0
-    return len(times) - 1, 0, 0
+            return step + 1, 3, 0, worst
+    return len(times) - 1, 0, 0, worst

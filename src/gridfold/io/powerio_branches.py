@@ -1,0 +1,131 @@
+"""Lines, transformers and switching devices of powerio's tables as branches of the case."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gridfold.grid.case import Branch, Bus, Shunt
+from gridfold.io.case_draft import Draft, Row, free_id
+
+_SWITCH_REACTANCE = 1e-4  # p.u., of a closed switching device without an own value
+_LEG_REACTANCE = 1e-5  # p.u., of a star's leg whose impedance is zero
+_LEG_ROUNDING = 1e-9
+
+
+def add_branches(draft: Draft) -> None:
+    """Add all branches with two ends; where the format has no circuit ids they are numbered."""
+    taken: dict[frozenset[int], set[str]] = defaultdict(set)
+    by_hand = draft.tables["source_format"] == "psse"  # its circuits have ids, given or 1
+    for row, place in draft.rows("branches"):
+        pair = taken[frozenset((row["from"], row["to"]))]
+        circuit = row["extras"].get("id") or ("1" if by_hand else free_id(pair))
+        pair.add(circuit)
+        _add_branch(draft, row, circuit, place)
+    for row, place in draft.rows("switches"):
+        extras = row["extras"]
+        reactance = float(extras.get("psse_xpu", 0.0)) or _SWITCH_REACTANCE
+        circuit = extras.get("psse_ckt", "1")
+        device = Branch(row["from"], row["to"], circuit, reactance=reactance)
+        draft.add(replace(device, in_service=row["closed"]), place)
+
+
+def _add_branch(draft: Draft, row: Row, circuit: str, place: str) -> None:
+    """A line or transformer; what is not alike at both ends of its pi section becomes a shunt."""
+    ends = row.get("charging")
+    half = float(row["b"]) / 2
+    b_from, b_to = (float(ends["b_fr"]), float(ends["b_to"])) if ends else (half, half)
+    g_from, g_to = (float(ends["g_fr"]), float(ends["g_to"])) if ends else (0.0, 0.0)
+    half = max(b_from, b_to)  # what compensates it is a reactor at one end
+    branch = Branch(
+        from_bus=row["from"],
+        to_bus=row["to"],
+        circuit=circuit,
+        resistance=float(row["r"]),
+        reactance=float(row["x"]),
+        susceptance=2 * half,
+        ratio=float(row["tap"]) or 1.0,
+        shift_deg=float(row["shift"]),
+        in_service=row["in_service"],
+    )
+    draft.add(branch, place)
+    at_from = complex(g_from, b_from - half) / branch.ratio**2
+    _add_branch_shunt(draft, branch, branch.from_bus, at_from, place)
+    _add_branch_shunt(draft, branch, branch.to_bus, complex(g_to, b_to - half), place)
+    _note_correction(draft, branch, row["extras"].get("impedance_correction"))
+
+
+def _add_branch_shunt(
+    draft: Draft, branch: Branch, bus: int, admittance: complex, place: str
+) -> None:
+    if admittance and branch.in_service:
+        power = admittance * float(draft.tables["base_mva"])
+        name = f"M{branch.from_bus}-{branch.to_bus}:{branch.circuit}"
+        draft.add(Shunt(bus, name, power.real, power.imag), place)
+
+
+def _note_correction(draft: Draft, branch: Branch, table: Row | None) -> None:
+    if table and branch.in_service:
+        draft.unsupported.append(f"{branch}: impedance correction table {table['table']}")
+
+
+def add_three_winding(draft: Draft, row: Row, place: str) -> None:
+    """Add a transformer with three windings as a star bus and three branches."""
+    extras, windings = row["extras"], row["windings"]
+    circuit = extras.get("id", "1")
+    at = [winding["bus"] for winding in windings]
+    name = f"transformer {'-'.join(map(str, at))}:{circuit}"
+    if not row["in_service"]:
+        draft.notices.append(f"{name}, out of service, left out")
+        return
+    star = _star_bus(draft, row, name)
+    draft.add(star, place)
+    live = extras.get("winding_in_service", (True, True, True))
+    corrections = extras.get("impedance_correction") or (None, None, None)
+    legs = _star_impedances(row["z"])
+    for winding, leg, in_service, table in zip(windings, legs, live, corrections, strict=True):
+        branch = Branch(
+            from_bus=winding["bus"],
+            to_bus=star.number,
+            circuit=circuit,
+            resistance=leg.real,
+            reactance=leg.imag if leg else _LEG_REACTANCE,
+            ratio=float(winding["tap"]) or 1.0,
+            shift_deg=float(winding["shift"]),
+            in_service=in_service,
+        )
+        draft.add(branch, place)
+        _note_correction(draft, branch, table)
+        if not leg:
+            draft.notices.append(f"{branch}: no impedance; {_LEG_REACTANCE:g} p.u. taken")
+        if winding is windings[0]:
+            admittance = complex(float(row["mag_g"]), float(row["mag_b"]))
+            _add_branch_shunt(draft, branch, branch.from_bus, admittance, place)
+
+
+def _star_impedances(pairs: Sequence[Row]) -> list[complex]:
+    """Impedance from each winding to the star, from those of the pairs 1-2, 2-3 and 3-1."""
+    z12, z23, z31 = (complex(float(z["r"]), float(z["x"])) for z in pairs)
+    legs = ((z12 + z31 - z23) / 2, (z12 + z23 - z31) / 2, (z23 + z31 - z12) / 2)
+    return [leg if abs(leg) > _LEG_ROUNDING else 0j for leg in legs]
+
+
+def _star_bus(draft: Draft, row: Row, name: str) -> Bus:
+    """The star; without impedance to a winding, it starts at that winding's voltage."""
+    buses = {bus.number: bus for bus in draft.records[Bus]}
+    joined = buses[row["windings"][0]["bus"]]
+    voltage, angle = float(row["star_vm"]), float(row["star_va"])
+    for winding, leg in zip(row["windings"], _star_impedances(row["z"]), strict=True):
+        if not leg:
+            bus = buses[winding["bus"]]
+            voltage = bus.voltage_pu / (float(winding["tap"]) or 1.0)
+            angle = bus.angle_deg - float(winding["shift"])
+    return Bus(
+        number=max(buses) + 1,
+        name=f"star {row.get('name') or name}",
+        area=joined.area,
+        zone=joined.zone,
+        voltage_pu=voltage,
+        angle_deg=angle,
+    )

@@ -1,0 +1,187 @@
+"""Networks from PSS/E RAW files (revisions 31 to 35) and MATPOWER case files, read by powerio.
+
+Conventions taken over from these files:
+
+- A generator holds the stored voltage of its own bus, not its set point or a remote bus: units at
+  a reactive limit then start where they are. At a PQ bus it holds its stored power.
+- Of several units at the slack bus the largest balances; the others keep their stored power.
+- A transformer with three windings becomes a star bus, numbered from one above the largest bus
+  number of the file, and three branches.
+- Switched shunts are fixed shunts of their stored susceptance (id ``S`` and their own). Shunts at
+  one end of a line and magnetizing admittances are shunts at the bus (id ``M`` and the branch);
+  they stay when an event opens the branch.
+- A leg of a star without impedance gets 1e-5 p.u., a switching device without one 1e-4 p.u.
+- Isolated buses (type 4), and what is connected to them, are left out.
+
+Zones, owners, inter-area transfers, groups of line sections and the nodes of substations are not
+read: no result depends on them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import powerio
+
+from gridfold.errors import CaseFileError
+from gridfold.grid.case import Case
+from gridfold.grid.validation import validate_case
+from gridfold.io.powerio_records import convert_network
+from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
+
+_FORMATS = {".raw": "psse", ".m": "matpower"}
+_SECTIONS = {  # sections of a RAW file by powerio's table
+    "buses": ("BUS",),
+    "loads": ("LOAD",),
+    "shunts": ("FIXED SHUNT", "SWITCHED SHUNT"),
+    "generators": ("GENERATOR",),
+    "branches": ("BRANCH", "TRANSFORMER"),
+    "switches": ("SYSTEM SWITCHING DEVICE",),
+    "transformers_3w": (THREE_WINDING,),
+    "hvdc": ("TWO-TERMINAL DC",),
+}
+_NOT_NEEDED = {"ZONE", "OWNER", "INTER-AREA TRANSFER", "MULTI-SECTION LINE", "SUBSTATION"}
+_HARMLESS = {  # findings of powerio: solver options, remote control, what convert_network looks at
+    "READ.PSSE.FIELD_DROPPED",
+    "READ.PSSE.REFERENCE_DROPPED",
+    "READ.PSSE.RETAINED_SOURCE_ONLY",
+}
+_DEFAULTED = "READ.PSSE.VALUE_DEFAULTED"
+
+
+def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
+    """Read a PSS/E RAW or a MATPOWER file: network and stored operating point, no devices.
+
+    Parameters
+    ----------
+    path : str or Path
+        File with the suffix ``.raw`` (revisions 31 to 35; 31 without switched shunts) or ``.m``.
+    allow_unsupported : bool
+        Leave out what gridfold has no model for; ``Case.unsupported`` then lists it.
+
+    Raises
+    ------
+    CaseFileError
+        The file cannot be read, its data are wrong, or it holds records that gridfold has no model
+        for; lists all of them, with lines where they are known.
+    """
+    path = Path(path)
+    file_format = _FORMATS.get(path.suffix.lower())
+    if file_format is None:
+        known = ".raw (PSS/E) and .m (MATPOWER)"
+        raise CaseFileError(f"unknown suffix {path.suffix!r}; known: {known}", str(path))
+    text = _read_text(path)
+    sections = find_sections(text) if file_format == "psse" else None
+    if sections and sections.open_section:
+        fault = f"the file breaks off in the {sections.open_section} section"
+        raise CaseFileError(fault, str(path))
+    data, diagnostics = _parse(text, file_format, sections, path)
+    try:
+        case = convert_network(data, path.stem, _places(data, sections, path))
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        fault = f"a record has no meaning: {type(error).__name__}: {error}"
+        raise CaseFileError(fault, str(path)) from error
+    case = replace(
+        case,
+        unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
+        notices=(*_default_notices(diagnostics), *case.notices),
+    )
+    if case.unsupported and not allow_unsupported:
+        advice = "allow_unsupported=True reads the file without them"
+        faults = [f"not supported: {line}" for line in case.unsupported]
+        raise CaseFileError([*faults, advice], str(path))
+    if faults := validate_case(case):
+        raise CaseFileError(faults, str(path))
+    return case
+
+
+def _read_text(path: Path) -> str:
+    """Text of a file; names in another encoding than UTF-8 are read byte by byte."""
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
+    content = content.removeprefix(b"\xef\xbb\xbf")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _parse(
+    text: str, file_format: str, sections: RawSections | None, path: Path
+) -> tuple[dict[str, Any], Sequence[powerio.Diagnostic]]:
+    """Powerio's tables, with all that its typed records leave out, and its findings."""
+    source = sections.text if sections else text
+    try:
+        module = powerio.parse(source.encode(), format=file_format, name=path.name)
+        document = json.loads(powerio.serialize(module).text or "")
+        diagnostics = module.diagnostics
+    except ValueError as error:  # powerio's errors, a caught panic among them
+        message = re.sub(r"^[A-Z.]+: ", "", str(error))
+        raise CaseFileError(message + _place_of(message, sections), str(path)) from None
+    data = document.get("value", {}).get("data")
+    if document.get("version") != 2 or not isinstance(data, dict) or "buses" not in data:
+        raise CaseFileError("not a network", str(path))
+    return data, diagnostics
+
+
+def _unsupported_findings(diagnostics: Sequence[powerio.Diagnostic]) -> list[str]:
+    lines = []
+    for finding in diagnostics:
+        section = re.match(r"PSS/E (.+) section \((\d+) record line", finding.message)
+        if section and section[1] not in _NOT_NEEDED:
+            count = "1 record line" if section[2] == "1" else f"{section[2]} record lines"
+            lines.append(f"{section[1]} section: {count}")
+        elif not section and finding.code not in {*_HARMLESS, _DEFAULTED}:
+            lines.append(finding.message)
+    return lines
+
+
+def _default_notices(diagnostics: Sequence[powerio.Diagnostic]) -> list[str]:
+    short = [finding.message for finding in diagnostics if finding.code == _DEFAULTED]
+    return [f"{len(short)} records are short of fields; the first: {short[0]}"] if short else []
+
+
+def _place_of(message: str, sections: RawSections | None) -> str:
+    """Lines that hold the field or bus number of which powerio complains, as ``(line 12)``."""
+    field = re.search(r'field `?(\d+)`? "(.*)" ', message)
+    number = re.search(r"bus (?:id )?(\d+)", message)
+    if sections is None or not (field or number):
+        return ""
+    if field:
+        lines = sections.lines_with(field[2], (int(field[1]),))
+    else:
+        lines = sections.lines_with(number[1] if number else "", (0, 1, 2))
+        if "duplicate" in message:
+            lines = [line for line in lines if line in sections.of("BUS")]
+    shown = ", ".join(str(line) for line in lines[:5])
+    return f" (line{'s' if len(lines) > 1 else ''} {shown})" if lines else ""
+
+
+def _places(
+    data: Mapping[str, Any], sections: RawSections | None, path: Path
+) -> dict[str, list[str]]:
+    """Where each row of powerio's tables stands; a record that was lost on the way is an error."""
+    if sections is None:
+        return {}
+    places: dict[str, list[str]] = defaultdict(list)
+    faults = [f"line {line}: {fault}" for line, fault in sections.short_records()]
+    for table, names in _SECTIONS.items():
+        lines = sections.of(*names)
+        if len(lines) != len(data[table]):
+            faults.append(
+                f"{' and '.join(names)}: the file has {len(lines)} records, but {len(data[table])} "
+                "could be read"
+            )
+        places[table] = [f"{path.name}:{line}" for line in lines]
+    if faults:
+        raise CaseFileError(faults, str(path))
+    return places

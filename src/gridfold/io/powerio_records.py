@@ -1,0 +1,177 @@
+"""From powerio's tables to records of the case; see :mod:`gridfold.io.powerio_cases`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Load, Shunt
+from gridfold.io.case_draft import Draft, Row, free_id, islands_without_slack, without_buses
+from gridfold.io.powerio_branches import add_branches, add_three_winding
+
+_CONTROL = {"PQ": Control.POWER, "PV": Control.VOLTAGE, "REF": Control.SLACK}
+_LEFT_OUT = {
+    "static_var_compensators": "static var compensator",
+    "storage": "storage",
+}
+
+
+def convert_network(
+    tables: Mapping[str, Any], name: str, places: Mapping[str, Sequence[str]]
+) -> Case:
+    """Build a case.
+
+    Parameters
+    ----------
+    tables : mapping
+        The data of a balanced network in powerio's own document format, version 2.
+    name : str
+        Name of the case.
+    places : mapping of str to sequence of str
+        For each table of powerio, file and line of its rows where they are known.
+    """
+    draft = Draft(tables, places)
+    for row, place in draft.rows("buses"):
+        draft.add(_bus(row), place)
+    for row, place in draft.rows("loads"):
+        _add_load(draft, row, place)
+    for row, place in draft.rows("shunts"):
+        draft.add(_shunt(row), place)
+    _add_generators(draft)
+    add_branches(draft)
+    for row, place in draft.rows("transformers_3w"):
+        add_three_winding(draft, row, place)
+    _note_left_out(draft)
+    case = Case(
+        name,
+        buses=tuple(draft.records[Bus]),
+        branches=tuple(draft.records[Branch]),
+        generators=tuple(draft.records[Generator]),
+        loads=tuple(draft.records[Load]),
+        shunts=tuple(draft.records[Shunt]),
+        base_mva=float(tables["base_mva"]),
+        frequency_hz=float(tables["base_frequency"]),
+        description=str(tables["name"]),
+        area_names={row["number"]: row["name"] for row in tables["areas"] if row.get("name")},
+        origins=draft.origins,
+    )
+    kinds = {row["id"]: row["kind"] for row in tables["buses"]}
+    isolated = [number for number, kind in kinds.items() if kind == "ISOLATED"]
+    if isolated:
+        case, text = without_buses(case, isolated)
+        draft.notices.append(f"isolated {text}")
+    for buses in islands_without_slack(case):
+        case, text = without_buses(case, buses)
+        draft.unsupported.append(f"an island without a slack unit: {text}")
+    return replace(case, unsupported=tuple(draft.unsupported), notices=tuple(draft.notices))
+
+
+def _bus(row: Row) -> Bus:
+    return Bus(
+        number=row["id"],
+        name=row.get("name") or "",
+        base_kv=float(row["base_kv"]) or Bus.base_kv,
+        area=row["area"],
+        zone=row["zone"],
+        voltage_pu=float(row["vm"]),
+        angle_deg=float(row["va"]),
+    )
+
+
+def _add_load(draft: Draft, row: Row, place: str) -> None:
+    model, extras = row.get("voltage_model"), row["extras"]
+    load = Load(
+        bus=row["bus"],
+        id=extras.get("id", "1"),
+        active_mw=float(row["p"]),
+        reactive_mvar=float(row["q"]),
+        in_service=row["in_service"],
+    )
+    if model and model["kind"] == "zip":
+        load = replace(
+            load,
+            active_mw=float(model["p_constant_power"]),
+            reactive_mvar=float(model["q_constant_power"]),
+            current_active_mw=float(model["p_constant_current"]),
+            current_reactive_mvar=float(model["q_constant_current"]),
+            impedance_active_mw=float(model["p_constant_impedance"]),
+            impedance_reactive_mvar=float(model["q_constant_impedance"]),
+        )
+    elif model:
+        draft.unsupported.append(f"{load}: voltage dependence {model['kind']!r}")
+    draft.add(load, place)
+    embedded = extras.get("psse_pdgen") or extras.get("psse_qdgen")
+    if load.in_service and extras.get("psse_flagstatus") and embedded:
+        draft.unsupported.append(f"{load}: distributed generation within the load")
+
+
+def _shunt(row: Row) -> Shunt:
+    own = row["extras"].get("id", "1")
+    return Shunt(
+        bus=row["bus"],
+        id=f"S{own}" if row.get("control") else own,
+        conductance_mw=float(row["g"]),
+        susceptance_mvar=float(row["b"]),
+        in_service=row["in_service"],
+    )
+
+
+def _add_generators(draft: Draft) -> None:
+    buses = {row["id"]: row for row in draft.tables["buses"]}
+    detail = draft.tables.get("detailed_connectivity") or {}
+    properties = {
+        entry["component"]["local_id"]: entry["properties"]
+        for entry in detail.get("component_metadata") or ()
+        if entry["component"]["component_type"] == "generator"
+    }
+    taken: dict[int, set[str]] = defaultdict(set)
+    units: list[tuple[Generator, str]] = []
+    at_bus: dict[int, list[Generator]] = defaultdict(list)
+    for row, place in draft.rows("generators"):
+        own = properties.get(row["uid"], {})
+        bus = buses[row["bus"]]
+        unit = Generator(
+            bus=row["bus"],
+            id=own.get("psse_eqid") or free_id(taken[row["bus"]]),
+            active_mw=float(row["pg"]),
+            reactive_mvar=float(row["qg"]),
+            voltage_pu=float(bus["vm"]),
+            base_mva=float(row["mbase"]) or float(draft.tables["base_mva"]),
+            control=_CONTROL.get(bus["kind"], Control.POWER),
+            in_service=row["in_service"],
+            source_resistance=float(own.get("psse_zr", 0.0)),
+            source_reactance=float(own.get("psse_zx", 1.0)),
+        )
+        taken[unit.bus].add(unit.id)
+        units.append((unit, place))
+        at_bus[unit.bus].append(unit)
+        if float(own.get("psse_rt", 0.0)) or float(own.get("psse_xt", 0.0)):
+            draft.unsupported.append(f"{unit}: step-up transformer within the generator")
+    for unit, place in units:
+        draft.add(_with_part(unit, at_bus[unit.bus]), place)
+
+
+def _with_part(unit: Generator, at_bus: Sequence[Generator]) -> Generator:
+    """The unit with its part of the bus's power, so that the stored powers are met."""
+    live = [other for other in at_bus if other.in_service]
+    if len(live) < 2 or unit not in live or unit.control is Control.POWER:
+        return unit
+    powers = [other.reactive_mvar for other in live]
+    alike = all(power > 0 for power in powers) or all(power < 0 for power in powers)
+    share = abs(unit.reactive_mvar) if alike else unit.base_mva
+    largest = max(live, key=lambda other: other.base_mva)
+    control = unit.control if unit is largest else Control.VOLTAGE
+    return replace(unit, share=share, control=control)
+
+
+def _note_left_out(draft: Draft) -> None:
+    for row, place in draft.rows("hvdc"):
+        if row["in_service"]:
+            name = row["extras"].get("psse_dc_name") or f"{row['from']}-{row['to']}"
+            where = f" ({place})" if place else ""
+            draft.unsupported.append(f'two-terminal dc line "{name}": 1 record{where}')
+    for table, name in _LEFT_OUT.items():
+        live = [row["bus"] for row, _ in draft.rows(table) if row.get("in_service", True)]
+        draft.unsupported += [f"{name} at bus {bus}: 1 record" for bus in live]
