@@ -437,8 +437,8 @@ CASE_FOLDERS: tuple[FolderSample, ...] = (
 DEVICE_FOLDERS: tuple[FolderSample, ...] = (
     FolderSample(
         "unknown model",
-        put("devices/genrou.csv", "bus,id,inertia\n1,1,4\n2,1,3\n"),
-        ("genrou", "2 units of an unknown model", "genrou.csv:2", "two_axis"),
+        put("devices/gentra.csv", "bus,id,inertia\n1,1,4\n2,1,3\n"),
+        ("gentra", "2 units of an unknown model", "gentra.csv:2", "two_axis"),
         gf.CaseError,
     ),
     FolderSample(

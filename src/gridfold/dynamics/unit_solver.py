@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from gridfold.dynamics.jacobian import Partials, model_partials, real_form
 from gridfold.dynamics.layout import Layout
@@ -71,45 +72,96 @@ def unit_solver(
         In seconds.
     """
     n_t = len(layout.terminals)
-    a, b, c = partials.states.tolil(), partials.voltages.tocsr(), partials.currents.tocsc()
-    rows, states, data = [], [], []
-    loop = np.zeros((2 * n_t, 2 * n_t))
-    states_at, data_at = 0, 0
-    for index, terminal in _units(layout):
-        at = [terminal, n_t + terminal]
-        inverse = np.linalg.inv(np.eye(len(index)) - gamma * a[np.ix_(index, index)].toarray())
-        driven = gamma * inverse @ b[index][:, at].toarray()
-        seen = c[at][:, index].toarray()
-        loop[np.ix_(at, at)] += seen @ driven
-        rows.append((len(index), states_at, terminal, data_at))
-        states.append(index)
-        data += [inverse.ravel(), driven.ravel(), seen.ravel()]
-        states_at += len(index)
-        data_at += sum(part.size for part in data[-3:])
+    places = _places(layout)
+    a = _blocks(partials.states, places.unit, places.row, places.unit, places.row, places.shape)
+    rows = np.arange(2 * n_t)
+    b = _blocks(
+        partials.voltages, places.unit, places.row, None, rows // n_t, (*places.shape[:2], 2)
+    )
+    c = _blocks(
+        partials.currents, None, rows // n_t, places.unit, places.row,
+        (places.shape[0], 2, places.shape[1]),
+    )  # fmt: skip
+    inverse = np.linalg.inv(np.eye(places.shape[1]) - gamma * a)
+    driven = gamma * inverse @ b
+    loop = np.zeros((2, n_t, 2, n_t))
+    at = places.terminal
+    np.add.at(loop.transpose(1, 3, 0, 2), (at, at), c @ driven)
+    loop = loop.reshape(2 * n_t, 2 * n_t)
     network = np.linalg.solve(np.eye(2 * n_t) - impedance @ loop, impedance)
-    table = np.array(rows, dtype=np.int64).reshape(-1, _COLUMNS)
-    table[:, STATES_AT] += _HEADER + table.size
-    header = np.array([layout.n_states, n_t, len(rows), data_at], dtype=np.int64)
+    table, data = [], []
+    states_at, data_at = _HEADER + _COLUMNS * len(places.sizes), 0
+    for unit, size in enumerate(places.sizes):
+        table.append((size, states_at, at[unit], data_at))
+        data += [
+            inverse[unit, :size, :size].ravel(),
+            driven[unit, :size].ravel(),
+            c[unit, :, :size].ravel(),
+        ]
+        states_at += size
+        data_at += size * size + 4 * size
+    header = np.array([layout.n_states, n_t, len(table), data_at], dtype=np.int64)
     return CompiledSolver(
         _compiled().address,
-        np.concatenate([header, table.ravel(), *states]).astype(np.int64),
+        np.concatenate([header, np.ravel(table), places.states]).astype(np.int64),
         np.concatenate([*data, network.ravel()]),
         4 * n_t,
     )
 
 
-def _units(layout: Layout) -> list[tuple[NDArray[np.int64], int]]:
-    """Positions of the states of each unit, and its terminal."""
-    found: dict[object, list[int]] = {unit: [] for unit in layout.source_units}
+@dataclass(frozen=True)
+class _Places:
+    """Unit and row within it of every state, and of each unit its terminal, size and states."""
+
+    unit: NDArray[np.int64]
+    row: NDArray[np.int64]
+    terminal: NDArray[np.int64]
+    sizes: list[int]
+    states: NDArray[np.int64]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the blocks, all of them padded to the largest."""
+        largest = max(self.sizes, default=0)
+        return len(self.sizes), largest, largest
+
+
+def _places(layout: Layout) -> _Places:
+    members: dict[UnitKey, list[int]] = {unit: [] for unit in layout.source_units}
     for block in layout.blocks:
         for unit, column in zip(block.units, block.state_index.T, strict=True):
-            found[unit] += column.tolist()
-    place = {bus: k for k, bus in enumerate(layout.terminals)}
-    return [
-        (np.array(found[unit], dtype=np.int64), place[unit.bus])
-        for unit in layout.source_units
-        if found[unit]
-    ]
+            members[unit] += column.tolist()
+    members = {unit: states for unit, states in members.items() if states}
+    unit_of, row_of = np.zeros((2, layout.n_states), dtype=np.int64)
+    for number, states in enumerate(members.values()):
+        unit_of[states], row_of[states] = number, np.arange(len(states))
+    at = {bus: k for k, bus in enumerate(layout.terminals)}
+    return _Places(
+        unit_of,
+        row_of,
+        np.array([at[unit.bus] for unit in members], dtype=np.int64),
+        [len(states) for states in members.values()],
+        np.array([k for states in members.values() for k in states], dtype=np.int64),
+    )
+
+
+def _blocks(
+    matrix: csr_array,
+    first_unit: NDArray[np.int64] | None,
+    first_row: NDArray[np.int64],
+    second_unit: NDArray[np.int64] | None,
+    second_row: NDArray[np.int64],
+    shape: tuple[int, int, int],
+) -> NDArray[np.float64]:
+    """The entries of a sparse matrix by unit; where one side has no unit, that of the other."""
+    entries = matrix.tocoo()
+    side, index = (
+        (first_unit, entries.row) if first_unit is not None else (second_unit, entries.col)
+    )
+    assert side is not None
+    blocks = np.zeros(shape)
+    np.add.at(blocks, (side[index], first_row[entries.row], second_row[entries.col]), entries.data)
+    return blocks
 
 
 def _solve(integers, reals, b, y, scratch):

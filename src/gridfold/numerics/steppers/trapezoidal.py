@@ -175,7 +175,8 @@ class _Run:
         for level in range(1, _HALVINGS + 1):
             fine = self._parts(ends, x[None, :], level)
             if fine is not None:
-                return fine[-1]
+                last: NDArray[np.float64] = fine[-1]
+                return last
         return np.full(len(x), np.nan)
 
     def _parts(
