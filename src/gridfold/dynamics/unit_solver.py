@@ -84,10 +84,10 @@ def unit_solver(
     )  # fmt: skip
     inverse = np.linalg.inv(np.eye(places.shape[1]) - gamma * a)
     driven = gamma * inverse @ b
-    loop = np.zeros((2, n_t, 2, n_t))
+    returned = np.zeros((2, n_t, 2, n_t))
     at = places.terminal
-    np.add.at(loop.transpose(1, 3, 0, 2), (at, at), c @ driven)
-    loop = loop.reshape(2 * n_t, 2 * n_t)
+    np.add.at(returned.transpose(1, 3, 0, 2), (at, at), c @ driven)
+    loop = returned.reshape(2 * n_t, 2 * n_t)
     network = np.linalg.solve(np.eye(2 * n_t) - impedance @ loop, impedance)
     table, data = [], []
     states_at, data_at = _HEADER + _COLUMNS * len(places.sizes), 0
