@@ -66,6 +66,12 @@ _COLUMNS = {
     "share": "Its part of the solved power where several units regulate one bus",
     "Load.active_mw": "Active power drawn in MW",
     "Load.reactive_mvar": "Reactive power drawn in Mvar",
+    "current_active_mw": "Active power drawn by a constant current at 1 p.u. voltage in MW",
+    "current_reactive_mvar": "Reactive power drawn by a constant current at 1 p.u. in Mvar",
+    "impedance_active_mw": "Active power drawn by a constant impedance at 1 p.u. in MW",
+    "impedance_reactive_mvar": "Reactive power drawn by a constant impedance at 1 p.u. in Mvar",
+    "source_resistance": "Resistance behind which a GENCLS stands, in p.u. on `base_mva`",
+    "source_reactance": "Reactance behind which a GENCLS stands, in p.u. on `base_mva`",
     "conductance_mw": "Power drawn at 1 p.u. voltage in MW",
     "susceptance_mvar": "Power generated at 1 p.u. voltage in Mvar (capacitors: positive)",
 }
@@ -173,11 +179,15 @@ def _parameter_row(parameter: Parameter) -> tuple[str, ...]:
 
 def symbol(text: str) -> str:
     """A symbol such as ``X'd`` or ``TA`` in mathematical notation."""
-    match = re.fullmatch(r"([A-Z])('?)(\w*)", text)
-    if match is None:
-        raise ValueError(f"cannot typeset the symbol {text!r}")
-    letter, prime, index = match.groups()
-    return f"${letter}{prime}" + (f"_{{{index}}}$" if index else "$")
+    parts = []
+    for part in text.split("/"):
+        match = re.fullmatch(r"([A-Za-z])('*)(\w*)(\([\d.]+\))?", part)
+        if match is None:
+            raise ValueError(f"cannot typeset the symbol {text!r}")
+        letter, primes, index, argument = match.groups()
+        subscript = rf"_{{\mathrm{{{index}}}}}" if index else ""
+        parts.append(f"{letter}{primes}{subscript}{argument or ''}")
+    return "$" + " / ".join(parts) + "$"
 
 
 def _field_rows(record_type: type, meanings: dict[str, str]) -> Iterator[tuple[str, ...]]:

@@ -8,8 +8,9 @@
 """
 
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
-from gridfold.dynamics.network import NetworkBackend
+from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.errors import (
     CaseError,
     CaseFileError,
@@ -103,11 +104,13 @@ __all__ = [
     "ImplicitTrapezoidal",
     "InitializationError",
     "Load",
+    "LoadModel",
     "LoadStep",
     "MachineTrip",
     "ModalTruncation",
     "NetworkBackend",
     "NetworkError",
+    "OnLimit",
     "OptionError",
     "OutputError",
     "Outputs",

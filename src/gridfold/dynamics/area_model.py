@@ -13,7 +13,8 @@ from gridfold.dynamics.area_rhs import LinearPart, pack_area_rhs
 from gridfold.dynamics.held_boundary import boundary_voltages, held_bus, held_group, held_network
 from gridfold.dynamics.layout import Group, Layout, build_layout
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_network
+from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_with_loads
+from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.linear import LinearSystem
@@ -186,10 +187,14 @@ def build_area_model(
     polar = outputs is Outputs.POLAR
     classes = (exact_units, kept) if polar else (exact_units, kept, rest)
     groups = _split(model.layout, classes)
+    loads = model.injections.nonlinear
+    if loads is not None and polar:
+        raise OptionError("polar outputs need loads that are constant impedances")
+    load_buses = () if loads is None else loads.buses
     if held is None:
-        layout = build_layout(groups, ports)
+        layout = build_layout(groups, [*ports, *load_buses])
     else:
-        layout = build_layout([*groups, held_group(held.buses)], held.buses)
+        layout = build_layout([*groups, held_group(held.buses)], [*held.buses, *load_buses])
         ports = [held_bus(bus) for bus in ports]
     slot = {name: k for k, name in enumerate(layout.state_names)}
     exact_index = np.setdiff1d(np.arange(model.n_states), area.index)
@@ -198,7 +203,7 @@ def build_area_model(
     if not polar:
         read = _read_states(model)
         formed = [k for k in area.index.tolist() if k in own or k in read]
-    rows = [k for k in _nonlinear_rows(model) if k in own]
+    rows = [k for k in _nonlinear_rows(model, kept) if k in own]
     place = {state: row for row, state in enumerate(area.index.tolist())}
     formed_rows, row_index = [place[k] for k in formed], [place[k] for k in rows]
 
@@ -249,7 +254,9 @@ def _network(model: DetailedModel, layout: Layout, held: HeldBoundary | None) ->
     if held is not None:
         return held_network(model, layout, held.study, held.buses)
     equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
-    return compile_network(equations, model.backend)
+    return compile_with_loads(
+        equations, model.backend, layout.terminals, model.injections, model.power_flow
+    )
 
 
 def _held_places(
@@ -307,11 +314,13 @@ def _read_states(model: DetailedModel) -> set[int]:
     return set(np.flatnonzero(slopes).tolist())
 
 
-def _nonlinear_rows(model: DetailedModel) -> list[int]:
-    """States whose functions are not linear in states and voltages."""
+def _nonlinear_rows(model: DetailedModel, units: Sequence[UnitKey]) -> list[int]:
+    """States whose functions are not linear in states and voltages; with limits of `units`, all."""
     first, second = (model.partials(x) for x in _probes(model))
     change = abs(first.states - second.states).sum(axis=1)
     change = change + abs(first.voltages - second.voltages).sum(axis=1)
+    limited = {u for block in model.layout.blocks if block.device.limits for u in block.units}
+    change[list(_states_of(model, [unit for unit in units if unit in limited]))] = np.inf
     return np.flatnonzero(change > _CHANGE).tolist()
 
 

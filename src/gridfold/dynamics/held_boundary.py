@@ -18,6 +18,7 @@ from gridfold.dynamics.layout import Group, Layout
 from gridfold.dynamics.machines.held_voltage import HELD_VOLTAGE
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import CompiledNetwork, build_equations, dense_network
+from gridfold.dynamics.network.loads import with_loads
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 
@@ -83,7 +84,14 @@ def held_network(
     impedance = np.zeros((len(layout.terminals),) * 2, dtype=np.complex128)
     impedance[held, held] = 1.0
     impedance[real[at >= 0]] = solution[at[at >= 0]]
-    return dense_network(impedance)
+    cut = dense_network(impedance)
+    loads = model.injections.nonlinear
+    if loads is None:
+        return cut
+    voltages = model.terminal_voltages(model.signals(model.x0[None, :]))[0]
+    place = {bus: k for k, bus in enumerate(model.layout.terminals)}
+    near = np.array([voltages[place[bus]] if bus in place else 1.0 for bus in layout.terminals])
+    return with_loads(cut, loads, layout.terminals, near)
 
 
 def boundary_voltages(

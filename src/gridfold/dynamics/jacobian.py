@@ -38,16 +38,10 @@ class Partials:
     voltages: csr_array
     currents: csr_array
 
-    def close(self, impedance: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Jacobian with the voltages that `impedance`, (n_terminals, n_terminals), gives."""
-        network = real_form(impedance)
+    def close(self, network: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Jacobian with the voltages that `network`, (2 n_terminals, 2 n_terminals), gives."""
         coupling = self.voltages @ (network @ self.currents.toarray())
         return np.asarray(self.states.toarray() + coupling)
-
-
-def real_form(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """The real matrix that acts on (real parts, imaginary parts) as `matrix` does."""
-    return np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
 
 
 def model_partials(

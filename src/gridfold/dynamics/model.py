@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.assemble import assemble, doubts, negative_loads
 from gridfold.dynamics.device import Device
-from gridfold.dynamics.initialize import Start, initialize
+from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, model_partials
 from gridfold.dynamics.layout import Layout, build_layout
 from gridfold.dynamics.network import (
@@ -19,7 +19,14 @@ from gridfold.dynamics.network import (
     NetworkBackend,
     NetworkEquations,
     build_equations,
-    compile_network,
+    compile_with_loads,
+    real_form,
+)
+from gridfold.dynamics.network.loads import (
+    LoadModel,
+    NonlinearLoads,
+    closed_with_loads,
+    nonlinear_loads,
 )
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
@@ -64,6 +71,8 @@ class DetailedModel:
         The right-hand side.
     warnings : tuple of str
         What was noticed while building.
+    loads : LoadModel
+        How loads depend on voltage.
     """
 
     power_flow: PowerFlowResult
@@ -76,6 +85,7 @@ class DetailedModel:
     equations: NetworkEquations
     compiled: CompiledRhs = field(repr=False)
     warnings: tuple[str, ...] = ()
+    loads: LoadModel = field(default_factory=LoadModel)
 
     @property
     def case(self) -> Case:
@@ -122,7 +132,10 @@ class DetailedModel:
         if state == self.state:
             return self
         equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
-        compiled = _compile(self.layout, self.constants, equations, self.backend, state.units_out)
+        compiled = _compile(
+            self.layout, self.constants, equations, self.backend, self.injections, self.power_flow,
+            state.units_out,
+        )  # fmt: skip
         return replace(self, state=state, equations=equations, compiled=compiled)
 
     def signals(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,11 +150,29 @@ class DetailedModel:
         ):
             if unit not in self.state.units_out:
                 currents[terminal] += signals[:, real] + 1j * signals[:, imag]
+        loads = self.injections.nonlinear
+        if loads is not None:
+            at = loads.places(self.layout.terminals)
+            currents[at] += loads.currents(self.terminal_voltages(signals)[:, at]).T
         return self.equations.bus_voltages(currents).T
+
+    def terminal_voltages(self, signals: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Voltages of the terminals in per unit, (n_times, n_terminals), from signal vectors."""
+        start, n = self.layout.voltage_start, len(self.layout.terminals)
+        return np.asarray(signals[:, start : start + n] + 1j * signals[:, start + n :][:, :n])
 
     def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """df/dx at the state `x`, shape (n_states, n_states); exact to rounding."""
-        return self.partials(x).close(self.equations.terminal_impedance())
+        x = np.asarray(x, dtype=float)
+        return self.partials(x).close(self.network_response(x))
+
+    def network_response(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Slopes of the terminal voltages in the machines' currents, (2 n_terminals,) * 2."""
+        voltages = self.terminal_voltages(self.signals(x[None, :]))[0]
+        network = real_form(self.equations.terminal_impedance())
+        return closed_with_loads(
+            network, self.injections.nonlinear, voltages, self.layout.terminals
+        )
 
     def partials(self, x: NDArray[np.float64]) -> Partials:
         """Partial derivatives of the devices at the state `x`, with the network left open."""
@@ -154,6 +185,8 @@ def build_model(
     power_flow: PowerFlowResult | None = None,
     backend: NetworkBackend = NetworkBackend.AUTO,
     devices: Mapping[str, Device] = DEVICES,
+    on_limit: OnLimit = OnLimit.ERROR,
+    loads: LoadModel | None = None,
 ) -> DetailedModel:
     """Build the detailed model of a case at the equilibrium of its power flow.
 
@@ -167,6 +200,11 @@ def build_model(
         How the network equations are solved.
     devices : mapping
         Device models by name; pass your own beside ``DEVICES`` to use them.
+    on_limit : OnLimit
+        What to do where the operating point is beyond a limit of a device; limits that are moved are
+        told in `warnings`.
+    loads : LoadModel
+        How loads depend on voltage; constant impedances at the solved voltage by default.
 
     Raises
     ------
@@ -175,16 +213,20 @@ def build_model(
     PowerFlowError
         The power flow has no solution.
     InitializationError
-        A device has no equilibrium there: names device and equation.
+        A device has no equilibrium there, or is beyond a limit: names device and equation.
     """
     solved = solve_power_flow(case) if power_flow is None else power_flow
-    layout = build_layout(assemble(case, devices))
-    start = initialize(layout, solved)
-    injections = _injections(solved, start.layout)
+    loads = LoadModel() if loads is None else loads
+    nonlinear = nonlinear_loads(solved, loads)
+    ports = () if nonlinear is None else nonlinear.buses
+    layout = build_layout(assemble(case, devices), ports)
+    start = initialize(layout, solved, on_limit)
+    injections = _injections(solved, start.layout, nonlinear)
     state = initial_state(case)
     equations = build_equations(solved, injections, layout.terminals, state)
-    compiled = _compile(start.layout, start.constants, equations, backend)
-    warnings = (*doubts(case, devices), *_check_equilibrium(start, compiled))
+    compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
+    moved = (f"limit moved to the start: {line}" for line in start.adjusted)
+    warnings = (*doubts(case, devices), *moved, *_check_equilibrium(start, compiled))
     return DetailedModel(
         solved,
         start.layout,
@@ -196,6 +238,7 @@ def build_model(
         equations,
         compiled,
         warnings,
+        loads,
     )
 
 
@@ -204,14 +247,20 @@ def _compile(
     constants: NDArray[np.float64],
     equations: NetworkEquations,
     backend: NetworkBackend,
+    injections: Injections,
+    power_flow: PowerFlowResult,
     units_out: Collection[UnitKey] = (),
 ) -> CompiledRhs:
     """The right-hand side, with its own solver for implicit steppers."""
-    rhs = pack_rhs(layout, constants, compile_network(equations, backend), units_out)
-    return replace(rhs, solver=UnitSolvers(layout, equations, units_out, rhs))
+    network = compile_with_loads(equations, backend, layout.terminals, injections, power_flow)
+    rhs = pack_rhs(layout, constants, network, units_out)
+    solver = UnitSolvers(layout, equations, injections.nonlinear, units_out, rhs)
+    return replace(rhs, solver=solver)
 
 
-def _injections(power_flow: PowerFlowResult, layout: Layout) -> Injections:
+def _injections(
+    power_flow: PowerFlowResult, layout: Layout, nonlinear: NonlinearLoads | None
+) -> Injections:
     case = power_flow.case
     squared = np.abs(power_flow.voltage) ** 2
     absorbed = negative_loads(case)
@@ -226,7 +275,8 @@ def _injections(power_flow: PowerFlowResult, layout: Layout) -> Injections:
             rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
             values = block.device.admittance(rows)
             machine |= dict(zip(block.units, values.tolist(), strict=True))
-    return Injections(np.conj(power_flow.load_power) / squared, negative, machine)
+    load = np.conj(power_flow.load_power) / squared
+    return Injections(load, negative, machine, nonlinear)
 
 
 def _check_equilibrium(start: Start, rhs: CompiledRhs) -> tuple[str, ...]:

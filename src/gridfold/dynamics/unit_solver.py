@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from gridfold.dynamics.jacobian import Partials, model_partials, real_form
+from gridfold.dynamics.jacobian import Partials, model_partials
 from gridfold.dynamics.layout import Layout
 from gridfold.dynamics.network.equations import NetworkEquations
+from gridfold.dynamics.network.loads import NonlinearLoads, closed_with_loads, real_form
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import compile_callback, matrix_view
 from gridfold.numerics.implicit import SOLVER_SIGNATURE, CompiledSolver
@@ -40,6 +41,7 @@ class UnitSolvers:
 
     layout: Layout
     equations: NetworkEquations
+    loads: NonlinearLoads | None
     units_out: Collection[UnitKey]
     rhs: CompiledRhs
 
@@ -52,7 +54,12 @@ class UnitSolvers:
         """The solver at the state `x`."""
         signals = self.rhs.work_along(x[None, :], self.layout.n_signals)[0]
         partials = model_partials(self.layout, self.units_out, x, signals)
-        return unit_solver(self.layout, partials, self.impedance, gamma)
+        layout = self.layout
+        voltages = signals[layout.voltage_start : layout.n_signals].reshape(2, -1)
+        network = closed_with_loads(
+            self.impedance, self.loads, voltages[0] + 1j * voltages[1], layout.terminals
+        )
+        return unit_solver(layout, partials, network, gamma)
 
 
 def unit_solver(

@@ -6,6 +6,7 @@ The column norms (13) of the admittances between these and the machines tell who
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,9 +88,10 @@ def couple(parts: Partition) -> Coupling:
     return Coupling(parts.external_units, norms, parts.model.case.base_mva)
 
 
-def external_network(parts: Partition) -> ExternalNetwork:
+def external_network(parts: Partition, loads: Sequence[int] = ()) -> ExternalNetwork:
     """Cut the external area's network out of the whole, at the boundary buses.
 
+    The rows and columns of `loads`, bus numbers of the external area, follow those of the machines.
     The half of a tie line's charging at the external end stays; the far half does not matter.
     """
     model, case = parts.model, parts.model.case
@@ -104,14 +106,15 @@ def external_network(parts: Partition) -> ExternalNetwork:
     matrix = equations.matrix.tocsr()
     factors = splu(matrix[outside][:, outside].tocsc())
     place = {bus: position for position, bus in enumerate(outside)}
-    at = [place[row[case.bus_index[unit.bus]]] for unit in parts.external_units]
+    buses = [*(unit.bus for unit in parts.external_units), *loads]
+    at = [place[row[case.bus_index[bus]]] for bus in buses]
     injected = np.zeros((len(outside), len(at)), dtype=np.complex128)
     injected[at, np.arange(len(at))] = 1.0
     from_currents = factors.solve(injected)
     from_boundary = factors.solve(-matrix[outside][:, boundary].toarray())
     ends = [place[row[case.bus_index[tie.external_bus]]] for tie in parts.tie_lines]
     machine = np.array([model.injections.machine[unit] for unit in parts.external_units])
-    ties = _tie_series(parts)[:, None] * from_currents[ends] * machine
+    ties = _tie_series(parts)[:, None] * from_currents[ends, : len(machine)] * machine
     return ExternalNetwork(from_currents[at], from_boundary[at], ties)
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.jacobian import real_form
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network import real_form
 from gridfold.errors import OptionError
 from gridfold.partition.areas import Partition
 from gridfold.partition.coupling import external_network
@@ -71,15 +71,13 @@ def linearize_external(
     # One row a bus: machines at the same bus see the same voltage.
     buses, first = np.unique(at, return_index=True)
     both = np.concatenate([buses, len(terminal) + buses])
-    network = external_network(parts)
-    impedance = network.impedance[np.ix_(first, first)]
+    impedance, transfer = _response(parts, model, signals, first)
     a = partials.states[index][:, index].toarray()
     to_voltage = partials.voltages[index][:, both].toarray()
     currents = partials.currents[both][:, index].toarray()
-    a += to_voltage @ (real_form(impedance) @ currents)
+    a += to_voltage @ (impedance @ currents)
     polar = np.block([[np.diag(1j * boundary), np.diag(boundary / np.abs(boundary))]])
-    response = network.transfer[first] @ polar
-    b = to_voltage @ np.concatenate([response.real, response.imag])
+    b = to_voltage @ (transfer @ np.concatenate([polar.real, polar.imag]))
     u0 = np.concatenate([np.angle(boundary), np.abs(boundary)])
     names = tuple(model.state_names[k] for k in index)
     inputs = tuple(
@@ -90,6 +88,34 @@ def linearize_external(
     )
     drift = model.compiled(x)[index]
     return ExternalLinearization(system, x[index].copy(), u0, index, drift)
+
+
+def _response(
+    parts: Partition,
+    model: DetailedModel,
+    signals: NDArray[np.float64],
+    rows: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slopes of the voltages at external units `rows` in their currents and boundary voltages.
+
+    Both in real form: (2 n, 2 n) and (2 n, 2 n_boundary).
+    """
+    loads = model.injections.nonlinear
+    outside = [] if loads is None else [bus for bus in loads.buses if bus not in parts.study_buses]
+    network = external_network(parts, outside)
+    chosen = np.concatenate([rows, np.arange(len(parts.external_units), len(network.impedance))])
+    impedance = real_form(network.impedance[np.ix_(chosen, chosen)])
+    transfer = real_form(network.transfer[chosen])
+    n, total = len(rows), len(chosen)
+    if loads is not None and outside:
+        voltages = model.bus_voltages(signals)[0][[model.case.bus_index[b] for b in loads.buses]]
+        own = [loads.buses.index(bus) for bus in outside]
+        slopes = loads.scattered(loads.slopes(voltages)[own], np.arange(n, total), total)
+        closing = np.eye(2 * total) - impedance @ slopes
+        impedance = np.asarray(np.linalg.solve(closing, impedance), dtype=np.float64)
+        transfer = np.asarray(np.linalg.solve(closing, transfer), dtype=np.float64)
+    kept = np.concatenate([np.arange(n), np.arange(total, total + n)])
+    return impedance[np.ix_(kept, kept)], transfer[kept]
 
 
 def _boundary_voltages(

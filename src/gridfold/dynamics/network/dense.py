@@ -25,6 +25,31 @@ def dense_network(impedance: NDArray[np.complex128]) -> CompiledNetwork:
     return CompiledNetwork(_compiled().address, size, padded.ravel(), 2 * width)
 
 
+def real_dense_network(network: NDArray[np.float64]) -> CompiledNetwork:
+    """Compile a real matrix, (2 n_terminals, 2 n_terminals), from currents to voltages."""
+    n = len(network)
+    width = -(-n // _PADDING) * _PADDING
+    padded = np.zeros((n, width))
+    padded[:, :n] = network
+    size = np.array([n, width], dtype=np.int64)
+    return CompiledNetwork(_compiled_real().address, size, padded.ravel(), width)
+
+
+def _solve_real(integers, reals, currents, voltages, scratch):
+    n, width = integers[0], integers[1]
+    matrix = matrix_view(reals, 0, n, width)
+    padded = scratch[:width]
+    for j in range(n):
+        padded[j] = currents[j]
+    for j in range(n, width):
+        padded[j] = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(width):
+            total += matrix[i, j] * padded[j]
+        voltages[i] = total
+
+
 def _solve(integers, reals, currents, voltages, scratch):
     n, width = integers[0], integers[1]
     z_r = matrix_view(reals, 0, n, width)
@@ -45,6 +70,11 @@ def _solve(integers, reals, currents, voltages, scratch):
             v_i += z_r[i, j] * i_i[j] + z_i[i, j] * i_r[j]
         voltages[i] = v_r
         voltages[n + i] = v_i
+
+
+@cache
+def _compiled_real() -> Any:
+    return compile_callback(_solve_real, NETWORK_SIGNATURE)
 
 
 @cache

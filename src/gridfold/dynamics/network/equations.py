@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from gridfold.dynamics.network.loads import NonlinearLoads
 from gridfold.errors import NetworkError
 from gridfold.grid.admittance import branch_admittances, bus_admittance, split_branch
 from gridfold.grid.case import Case, UnitKey
@@ -36,11 +37,14 @@ class Injections:
         Admittance of each generator that is a negative load, by unit.
     machine : mapping
         Norton admittance of each machine, by unit.
+    nonlinear : NonlinearLoads, optional
+        Parts of loads that are no impedances; `load` has their equivalents.
     """
 
     load: NDArray[np.complex128]
     negative_load: Mapping[UnitKey, complex]
     machine: Mapping[UnitKey, complex]
+    nonlinear: NonlinearLoads | None = None
 
 
 @dataclass(frozen=True)

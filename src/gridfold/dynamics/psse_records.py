@@ -1,0 +1,331 @@
+"""From PSS/E dynamics data to device records of a case.
+
+A record belongs to the generator with its bus and id. What the file lacks comes from the network: the
+stator resistance of GENROU and GENSAL and the whole impedance of GENCLS are ZSORCE of the generator.
+A GENCLS with H = 0 is an infinite bus.
+
+A model that gridfold does not have is never replaced in silence. By default it is an error; on request
+(:class:`Unsupported`) it is left out, and :class:`Replacement` tells what that touches:
+
+- an exciter: the field voltage stays constant; a governor: the mechanical power does; stabilizers,
+  compensators, limiters, relays and controls: nothing stands in their place;
+- a machine: GENCLS with H, D and X'd of its record, or a negative load with all its controllers;
+- a converter, and a model of which nothing is known at a unit without a machine: a negative load;
+- a load model: loads stay what they are in the study.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from gridfold.dynamics.device import Device
+from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
+from gridfold.dynamics.psse_parameters import (
+    classical_parameters,
+    named_parameters,
+    source_impedance,
+)
+from gridfold.dynamics.psse_replacements import Replacement, Tally, replacement
+from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
+from gridfold.errors import CaseError
+from gridfold.grid.case import Case, DeviceRecord, UnitKey
+from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+
+_CLASSICAL = "gencls"
+_INFINITE_BUS = "infinite_bus"
+_USER_WRITTEN = "user-written models"
+_ONLY_USER_WRITTEN = "no dynamic data but user-written models"
+_NO_DATA = "no dynamic data"
+_NEGATIVE_LOAD = "negative load"
+_ONE_EACH = {
+    "machines": (Kind.MACHINE, Kind.CONVERTER),
+    "exciters": (Kind.EXCITER,),
+    "governors": (Kind.GOVERNOR,),
+    "stabilizers": (Kind.STABILIZER,),
+}
+_LEFT_OUT = {
+    Kind.EXCITER: "left out, constant field voltage",
+    Kind.GOVERNOR: "left out, constant mechanical power",
+    Kind.COMPENSATOR: "left out, the exciter holds the terminal voltage",
+    Kind.LOAD: "left out, loads are what the study makes them",
+}
+_TAKERS = {  # the device that a controller needs, the input there, and what is said without it
+    Kind.EXCITER: (Kind.MACHINE, "field_voltage", "the machine has no field"),
+    Kind.GOVERNOR: (Kind.MACHINE, "mechanical_power", "the machine has no turbine"),
+    Kind.STABILIZER: (Kind.EXCITER, "stabilizer_signal", "the unit has no exciter for it"),
+}
+
+
+class Unsupported(Enum):
+    """What to do with models that gridfold does not have."""
+
+    ERROR = "error"
+    CLASSICAL = "classical"
+    DROP = "drop"
+
+
+class WithoutData(Enum):
+    """What to do with generators in service that have no machine in the dynamics data."""
+
+    ERROR = "error"
+    NEGATIVE_LOAD = "negative_load"
+
+
+@dataclass(frozen=True)
+class PsseDevices:
+    """Device records, what was replaced or left out, and what plays no part.
+
+    Parameters
+    ----------
+    records : tuple of DeviceRecord
+        For the case.
+    replaced : tuple of Replacement
+        What the model lacks of the file, by model.
+    skipped : tuple of str
+        Records without effect, such as those of units out of service, in words.
+    origins : mapping of str to str
+        File and line of each device record, by its name.
+    """
+
+    records: tuple[DeviceRecord, ...]
+    replaced: tuple[Replacement, ...] = ()
+    skipped: tuple[str, ...] = ()
+    origins: Mapping[str, str] = field(default_factory=dict)
+
+
+def device_records(
+    case: Case,
+    data: DynamicData,
+    *,
+    unsupported: Unsupported = Unsupported.ERROR,
+    without_data: WithoutData = WithoutData.ERROR,
+    devices: Mapping[str, Device] = DEVICES,
+) -> PsseDevices:
+    """Device records of the generators in service.
+
+    Parameters
+    ----------
+    case : Case
+        The network; its own device records are not looked at.
+    data : DynamicData
+        Records of the file.
+    unsupported : Unsupported
+        What to do with models that are not among `devices`.
+    without_data : WithoutData
+        What to do with generators in service without a machine in the file.
+    devices : mapping
+        Device models by name; those with a `psse_record` are known here.
+
+    Raises
+    ------
+    CaseError
+        Lists every record with a wrong number of values, every unit with several devices of one
+        role and, unless asked for something else, every unsupported model with its count and every
+        generator without data.
+    """
+    records = _sort(case, data, psse_devices(devices))
+    units = _Units(case, records, devices, unsupported)
+    faults = list(records.role_faults())
+    if unsupported is Unsupported.ERROR:
+        faults += records.unsupported_faults(case)
+    for generator in case.generators:
+        if generator.in_service:
+            units.convert(generator.key)
+    faults += units.faults
+    if units.lacking and without_data is WithoutData.ERROR:
+        extent = replacement(case, "", "", units.lacking).extent.replace("record", "generator")
+        listed = ", ".join(str(unit) for unit in units.lacking)
+        faults.append(f"no machine for generators in service: {extent}: {listed}")
+    if faults:
+        raise CaseError(faults, data.file)
+    for unit in units.lacking:
+        units.make_negative_load(unit, _NO_DATA, _NEGATIVE_LOAD)
+    for record in records.apart:
+        units.leave_out(record)
+    notices = (*records.notices(), *units.notices)
+    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins)
+
+
+@dataclass
+class _Sorted:
+    """Records of a file: of units in service, of no unit, user-written, and without effect."""
+
+    file: str
+    supported: Mapping[str, Device]
+    by_unit: dict[UnitKey, list[DynamicRecord]] = field(default_factory=lambda: defaultdict(list))
+    apart: list[DynamicRecord] = field(default_factory=list)
+    user_written: list[SkippedRecord] = field(default_factory=list)
+    ignored: list[DynamicRecord] = field(default_factory=list)
+    skipped: list[SkippedRecord] = field(default_factory=list)
+
+    def kind(self, record: DynamicRecord) -> Kind:
+        return kind_of(record.model, self.supported)
+
+    def place(self, record: DynamicRecord) -> str:
+        return f"{record} ({self.file}:{record.line})"
+
+    def role_faults(self) -> Iterator[str]:
+        for unit, records in self.by_unit.items():
+            for name, kinds in _ONE_EACH.items():
+                same = [record for record in records if self.kind(record) in kinds]
+                if len(same) > 1:
+                    listed = ", ".join(f"{record.model} (line {record.line})" for record in same)
+                    yield f"unit {unit} has {len(same)} {name}: {listed}"
+
+    def unsupported_faults(self, case: Case) -> Iterator[str]:
+        missing: dict[str, list[DynamicRecord]] = defaultdict(list)
+        for record in (*self.apart, *(r for records in self.by_unit.values() for r in records)):
+            if record.model not in self.supported:
+                missing[record.model].append(record)
+        for model, records in missing.items():
+            extent = replacement(case, model, "", [record.key for record in records]).extent
+            kind = self.kind(records[0]).value
+            yield f"{model} ({kind}) is not supported: {extent}, line {records[0].line}"
+        for skipped in self.user_written:
+            yield f"a user-written model is not supported: line {skipped.line}: {skipped.text}"
+
+    def notices(self) -> Iterator[str]:
+        by_model: dict[str, list[DynamicRecord]] = defaultdict(list)
+        for record in self.ignored:
+            by_model[record.model].append(record)
+        for model, records in by_model.items():
+            count = "1 record" if len(records) == 1 else f"{len(records)} records"
+            yield (
+                f"{self.file}: {model}: {count} of units out of service or not in the network, "
+                f"first {records[0].key} (line {records[0].line})"
+            )
+        for skipped in self.skipped:
+            what = "user-written, of nothing in service" if skipped.unit else "no device record"
+            yield f"{self.file}:{skipped.line}: {what}: {skipped.text}"
+
+
+def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _Sorted:
+    live = {g.key for g in case.generators if g.in_service}
+    idle = {g.key for g in case.generators if not g.in_service}
+
+    def concerned(unit: UnitKey) -> bool:
+        """Whether a model of which nothing is known may belong to something in service."""
+        return unit not in idle and (unit.bus == 0 or unit.bus in case.bus_index)
+
+    found = _Sorted(data.file, supported)
+    for record in data.records:
+        kind = found.kind(record)
+        if record.key in live and kind not in (Kind.LOAD, Kind.PROTECTION):
+            found.by_unit[record.key].append(record)
+        elif kind in (Kind.LOAD, Kind.PROTECTION) or (
+            kind is Kind.UNKNOWN and concerned(record.key)
+        ):
+            found.apart.append(record)
+        else:
+            found.ignored.append(record)
+    for skipped in data.skipped:
+        matters = skipped.unit is not None and concerned(skipped.unit)
+        (found.user_written if matters else found.skipped).append(skipped)
+    return found
+
+
+class _Units:
+    """Makes the device records, unit by unit."""
+
+    def __init__(
+        self,
+        case: Case,
+        records: _Sorted,
+        devices: Mapping[str, Device],
+        unsupported: Unsupported,
+    ):
+        self.records, self.devices, self.unsupported = records, devices, unsupported
+        self.generators = {generator.key: generator for generator in case.generators}
+        self.user_written = {record.unit for record in records.user_written}
+        self.tally = Tally(case)
+        self.made: list[DeviceRecord] = []
+        self.origins: dict[str, str] = {}
+        self.lacking: list[UnitKey] = []
+        self.faults: list[str] = []
+        self.notices: list[str] = []
+        for skipped in records.user_written:
+            if skipped.unit is not None:
+                self.tally.add(_USER_WRITTEN, "left out", skipped.unit)
+
+    def convert(self, unit: UnitKey) -> None:
+        """Device records of one generator in service."""
+        records = self.records.by_unit.get(unit, [])
+        machine = self._first(records, *_ONE_EACH["machines"])
+        unknown = self._first(records, Kind.UNKNOWN)
+        controllers = [record for record in records if record is not machine]
+        device = None
+        if machine is not None:
+            device = self._machine(machine)
+            if device is None:
+                self.make_negative_load(unit, machine.model, _NEGATIVE_LOAD)
+        elif unknown is not None:
+            self.make_negative_load(unit, unknown.model, _NEGATIVE_LOAD)
+            controllers.remove(unknown)
+        elif unit in self.user_written:
+            self.make_negative_load(unit, _ONLY_USER_WRITTEN, _NEGATIVE_LOAD)
+        else:
+            self.lacking.append(unit)
+        if device is None:
+            for record in controllers:
+                self.tally.add(record.model, "left out with its machine", unit)
+        else:
+            self._controllers(controllers, device)
+
+    def make_negative_load(self, unit: UnitKey, model: str, outcome: str) -> None:
+        """A negative load in place of a unit, on account of `model`."""
+        self.made.append(DeviceRecord(NEGATIVE_LOAD, unit.bus, unit.id))
+        self.tally.add(model, outcome, unit)
+
+    def leave_out(self, record: DynamicRecord) -> None:
+        """Count a record of an unsupported model."""
+        outcome = _LEFT_OUT.get(self.records.kind(record), "left out")
+        self.tally.add(record.model, outcome, record.key)
+
+    def _first(self, records: Iterable[DynamicRecord], *kinds: Kind) -> DynamicRecord | None:
+        return next((record for record in records if self.records.kind(record) in kinds), None)
+
+    def _machine(self, record: DynamicRecord) -> Device | None:
+        """Make the machine; None if a negative load must stand in its place."""
+        device = self.records.supported.get(record.model)
+        place = self.records.place(record)
+        if device is not None:
+            given = named_parameters(record, device, place, self.faults)
+        elif self.unsupported is Unsupported.CLASSICAL and record.model in CLASSICAL_COLUMNS:
+            device = self.devices[_CLASSICAL]
+            given = classical_parameters(record, place, self.faults)
+            self.tally.add(record.model, "classical machine GENCLS", record.key)
+        else:
+            return None
+        parameters = source_impedance(device, self.generators[record.key]) | given
+        if device.model == _CLASSICAL and parameters.get("inertia") == 0:
+            device = self.devices[_INFINITE_BUS]
+            parameters = {name: parameters[name] for name in ("resistance", "reactance")}
+            self.notices.append(f"{place} has H = 0: an infinite bus")
+        self._make(device, record, parameters)
+        return device
+
+    def _controllers(self, records: Sequence[DynamicRecord], machine: Device) -> None:
+        present = {Kind.MACHINE: machine}
+        for kind, (taker, name, reason) in _TAKERS.items():
+            record = self._first(records, kind)
+            device = None if record is None else self.records.supported.get(record.model)
+            if record is None or device is None:
+                continue
+            if taker in present and name in present[taker].inputs:
+                present[kind] = device
+                place = self.records.place(record)
+                given = named_parameters(record, device, place, self.faults)
+                self._make(device, record, given)
+            else:
+                self.tally.add(record.model, f"left out, {reason}", record.key)
+        for record in records:
+            if record.model not in self.records.supported:
+                self.leave_out(record)
+
+    def _make(self, device: Device, record: DynamicRecord, parameters: Mapping[str, float]) -> None:
+        made = DeviceRecord(device.model, record.bus, record.id, parameters)
+        self.made.append(made)
+        self.origins[str(made)] = f"{self.records.file}:{record.line}"

@@ -1,0 +1,69 @@
+"""Records of a file of dynamic data, as they stand there: not yet devices of a case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gridfold.grid.case import UnitKey
+
+
+@dataclass(frozen=True)
+class DynamicRecord:
+    """One record of PSS/E dynamics data: a model at a bus, and its numbers.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model, in upper case.
+    bus : int
+        Bus number; 0 in models that belong to no single bus.
+    id : str
+        Machine id, or what else stands in its place.
+    values : tuple of float or str
+        All that follows, in the order of the file; texts where it has texts.
+    line : int
+        Line at which the record begins, from 1.
+    """
+
+    model: str
+    bus: int
+    id: str
+    values: tuple[float | str, ...]
+    line: int
+
+    @property
+    def key(self) -> UnitKey:
+        """Bus number and id."""
+        return UnitKey(self.bus, self.id)
+
+    def __str__(self) -> str:
+        return f"{self.model} {self.key}"
+
+
+@dataclass(frozen=True)
+class SkippedRecord:
+    """A record that is not read further.
+
+    Parameters
+    ----------
+    line : int
+        Line at which the record begins, from 1.
+    text : str
+        Its beginning.
+    unit : UnitKey or None
+        Bus and id of a user-written model, whose equations are in code that the user has; None for
+        a record that is no device record of PSS/E at all.
+    """
+
+    line: int
+    text: str
+    unit: UnitKey | None = None
+
+
+@dataclass(frozen=True)
+class DynamicData:
+    """All records of one file, in its order; `file` is its name, for messages."""
+
+    file: str
+    records: tuple[DynamicRecord, ...]
+    skipped: tuple[SkippedRecord, ...] = ()

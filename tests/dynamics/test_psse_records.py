@@ -1,0 +1,321 @@
+"""Device records from PSS/E dynamics data: what is taken over, what is replaced, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import gridfold as gf
+from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
+from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
+from gridfold.dynamics.registry import DEVICES
+from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+
+GENROU = (6.5, 0.05, 0.6, 0.06, 5.0, 1.0, 1.8, 1.75, 0.3, 0.5, 0.25, 0.15, 0.05, 0.3)
+GENSAL = (6.5, 0.05, 0.06, 5.0, 1.0, 1.8, 1.1, 0.3, 0.25, 0.15, 0.05, 0.3)
+SEXS = (0.1, 10.0, 100.0, 0.05, 0.0, 4.0)
+TGOV1 = (0.05, 0.3, 1.2, 0.0, 2.1, 7.0, 0.0)
+IEEEST = (1, 0, 0, 0, 0, 0, 0, 0, 0.1, 0.02, 0, 0, 2, 2, 5, 0.1, -0.1, 0, 0)
+ESST4B = (0.0,) * 17
+LOAD_MW, POWER_MW = 150.0, (60.0, 90.0, 25.0)
+
+
+@pytest.fixture
+def case():
+    """Units 1:1, 2:1 and, out of service, 2:2; the impedances ZSORCE differ."""
+    return gf.Case(
+        name="two units",
+        buses=(gf.Bus(1), gf.Bus(2, area=7)),
+        branches=(gf.Branch(1, 2, reactance=0.1),),
+        generators=(
+            gf.Generator(
+                1,
+                active_mw=POWER_MW[0],
+                control=gf.Control.SLACK,
+                source_resistance=0.003,
+                source_reactance=0.21,
+            ),
+            gf.Generator(2, active_mw=POWER_MW[1], source_resistance=0.004, source_reactance=0.22),
+            gf.Generator(2, "2", active_mw=POWER_MW[2], in_service=False),
+        ),
+        loads=(gf.Load(1, "1", 50.0), gf.Load(2, "A", 100.0)),
+    )
+
+
+def data(*rows, skipped=()):
+    """Records from (model, bus, values), or with an id behind the bus, one a line."""
+    records = []
+    for line, (model, bus, *rest) in enumerate(rows, start=1):
+        unit_id, values = rest if len(rest) > 1 else ("1", rest[0])
+        records.append(DynamicRecord(model, bus, unit_id, tuple(values), line))
+    return DynamicData("own.dyr", tuple(records), tuple(skipped))
+
+
+WHOLE = (("GENROU", 1, GENROU), ("GENCLS", 2, (4.0, 2.0)))
+
+
+def outcomes(found):
+    return {
+        (item.model, item.outcome): [str(unit) for unit in item.units] for item in found.replaced
+    }
+
+
+def faults_of(case, content, **options):
+    with pytest.raises(gf.CaseError) as raised:
+        device_records(case, content, **options)
+    assert "own.dyr" in str(raised.value)
+    return raised.value.faults
+
+
+def by_name(found):
+    return {str(record): dict(record.parameters) for record in found.records}
+
+
+def test_values_are_named_in_the_order_of_the_record_and_the_rest_comes_from_the_network(case):
+    found = device_records(case, data(*WHOLE, ("SEXS", 1, SEXS)))
+    records = by_name(found)
+    columns = DEVICES["genrou"].psse_record
+    assert records["genrou 1:1"] == {**dict(zip(columns, GENROU, strict=True)), "resistance": 0.003}
+    assert records["gencls 2:1"] == {
+        "inertia": 4.0,
+        "damping": 2.0,
+        "resistance": 0.004,
+        "reactance": 0.22,
+    }
+    assert records["sexs 1:1"] == dict(zip(DEVICES["sexs"].psse_record, SEXS, strict=True))
+    assert found.origins == {
+        "genrou 1:1": "own.dyr:1",
+        "gencls 2:1": "own.dyr:2",
+        "sexs 1:1": "own.dyr:3",
+    }
+    assert found.replaced == found.skipped == ()
+
+
+def test_salient_pole_machine_takes_its_resistance_from_the_network_too(case):
+    found = device_records(case, data(("GENSAL", 2, GENSAL), WHOLE[0]))
+    assert by_name(found)["gensal 2:1"]["resistance"] == 0.004
+
+
+def test_classical_machine_without_inertia_is_an_infinite_bus(case):
+    found = device_records(case, data(WHOLE[0], ("GENCLS", 2, (0.0, 0.0))))
+    assert by_name(found)["infinite_bus 2:1"] == {"resistance": 0.004, "reactance": 0.22}
+    assert found.skipped == ("GENCLS 2:1 (own.dyr:2) has H = 0: an infinite bus",)
+
+
+def test_records_of_units_out_of_service_or_absent_are_told_not_read(case):
+    rows = [*WHOLE, ("GENROU", 2, "2", (1.0,)), ("NEWGEN", 2, "2", ()), ("GENROU", 9, ())]
+    found = device_records(case, data(*rows, ("NEWAVR", 9, ())))
+    assert len(found.records) == 2
+    where = "out of service or not in the network"
+    assert found.skipped == (
+        f"own.dyr: GENROU: 2 records of units {where}, first 2:2 (line 3)",
+        f"own.dyr: NEWGEN: 1 record of units {where}, first 2:2 (line 4)",
+        f"own.dyr: NEWAVR: 1 record of units {where}, first 9:1 (line 6)",
+    )
+
+
+@pytest.mark.parametrize("count", [0, 13, 15])
+def test_wrong_number_of_values_is_refused(case, count):
+    faults = faults_of(case, data(("GENROU", 1, (1.0,) * count), WHOLE[1]))
+    assert faults == [f"GENROU 1:1 (own.dyr:1): expected 14 values, found {count}"]
+
+
+def test_values_at_the_end_may_be_absent_where_the_model_has_defaults(case):
+    found = device_records(case, data(*WHOLE, ("SEXS", 1, SEXS), ("IEEEST", 1, IEEEST[:-2])))
+    assert "upper_cut_off" not in by_name(found)["ieeest 1:1"]
+    faults = faults_of(case, data(*WHOLE, ("SEXS", 1, SEXS), ("IEEEST", 1, IEEEST[:-3])))
+    assert faults == ["IEEEST 1:1 (own.dyr:4): expected 19 values, found 16"]
+
+
+def test_text_in_the_place_of_a_number_is_refused(case):
+    faults = faults_of(case, data(WHOLE[0], ("GENCLS", 2, (4.0, "X"))))
+    assert faults == ["GENCLS 2:1 (own.dyr:2): value 2 is 'X', not a number"]
+
+
+def test_two_devices_of_one_role_at_a_unit_are_refused_supported_or_not(case):
+    rows = [
+        *WHOLE,
+        ("SEXS", 1, SEXS),
+        ("ESST4B", 1, ESST4B),
+        ("REGCA1", 2, ()),
+        ("TGOV1", 2, TGOV1),
+    ]
+    faults = faults_of(case, data(*rows), unsupported=Unsupported.DROP)
+    assert faults == [
+        "unit 1:1 has 2 exciters: SEXS (line 3), ESST4B (line 4)",
+        "unit 2:1 has 2 machines: GENCLS (line 2), REGCA1 (line 5)",
+    ]
+
+
+def test_every_unsupported_model_is_listed_with_its_count_at_once(case):
+    rows = [
+        ("GENROE", 1, GENROU),
+        ("ESST4B", 1, ESST4B),
+        ("GENROE", 2, GENROU),
+        ("IEELAL", 0, "*", (0.4,)),
+        ("MYSVC", 2, "7", ()),
+    ]
+    written = SkippedRecord(9, "2 'USRMDL' 1 'MYGOV'", gf.UnitKey(2, "1"))
+    assert faults_of(case, data(*rows, skipped=[written])) == [
+        "IEELAL (load model) is not supported: 1 record at 0:*, 150.0 MW (100.0% of load), line 4",
+        "MYSVC (unknown) is not supported: 1 record at 2:7, line 5",
+        "GENROE (machine) is not supported: 2 records, 150.0 MW (100.0% of generation), "
+        "first 1:1, line 1",
+        "ESST4B (exciter) is not supported: 1 record at 1:1, 60.0 MW (40.0% of generation), line 2",
+        "a user-written model is not supported: line 9: 2 'USRMDL' 1 'MYGOV'",
+    ]
+
+
+@pytest.mark.parametrize("unsupported", [Unsupported.CLASSICAL, Unsupported.DROP])
+def test_controllers_that_are_not_supported_are_left_out(case, unsupported):
+    rows = [*WHOLE, ("ESST4B", 1, ESST4B), ("GGOV1", 1, ()), ("PSS2A", 1, ()), ("MAXEX2", 1, ())]
+    rows += [("IEEEVC", 1, ()), ("NEWONE", 1, ()), ("TGOV1", 2, TGOV1)]
+    found = device_records(case, data(*rows), unsupported=unsupported)
+    assert list(by_name(found)) == ["genrou 1:1", "gencls 2:1", "tgov1 2:1"]
+    assert outcomes(found) == {
+        ("ESST4B", "left out, constant field voltage"): ["1:1"],
+        ("GGOV1", "left out, constant mechanical power"): ["1:1"],
+        ("PSS2A", "left out"): ["1:1"],
+        ("MAXEX2", "left out"): ["1:1"],
+        ("IEEEVC", "left out, the exciter holds the terminal voltage"): ["1:1"],
+        ("NEWONE", "left out"): ["1:1"],
+    }
+    for item in found.replaced:
+        assert (item.active_mw, item.share) == (60.0, pytest.approx(0.4))
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "expected"),
+    [
+        ("GENROE", GENROU, (5.0, 1.0, 0.3)),
+        ("GENSAE", GENSAL, (5.0, 1.0, 0.3)),
+        ("GENDCO", (*GENROU, 0.1), (5.0, 1.0, 0.3)),
+        ("GENTPJ1", (*GENROU, 0.1, 0.0), (5.0, 1.0, 0.3)),
+        ("GENTRA", (6.5, 5.0, 1.0, 1.8, 1.1, 0.3, 0.05, 0.3, 0.0), (5.0, 1.0, 0.3)),
+    ],
+)
+def test_machine_becomes_classical_with_its_inertia_damping_and_transient_reactance(
+    case, model, values, expected
+):
+    rows = [("GENROU", 1, GENROU), (model, 2, values)]
+    rows += [("SEXS", 2, SEXS), ("TGOV1", 2, TGOV1), ("IEEEST", 2, IEEEST)]
+    found = device_records(case, data(*rows), unsupported=Unsupported.CLASSICAL)
+    names = ("inertia", "damping", "reactance", "resistance")
+    made = dict(zip(names, (*expected, 0.004), strict=True))
+    assert by_name(found)["gencls 2:1"] == made
+    assert list(by_name(found)) == ["genrou 1:1", "gencls 2:1", "tgov1 2:1"]
+    assert outcomes(found) == {
+        (model, "classical machine GENCLS"): ["2:1"],
+        ("SEXS", "left out, the machine has no field"): ["2:1"],
+        ("IEEEST", "left out, the unit has no exciter for it"): ["2:1"],
+    }
+
+
+def test_a_short_record_of_a_machine_that_is_replaced_is_refused(case):
+    rows = data(WHOLE[0], ("GENROE", 2, GENROU[:8]))
+    faults = faults_of(case, rows, unsupported=Unsupported.CLASSICAL)
+    assert faults == ["GENROE 2:1 (own.dyr:2): expected at least 9 values, found 8"]
+
+
+@pytest.mark.parametrize(
+    ("model", "unsupported"),
+    [
+        ("GENROE", Unsupported.DROP),
+        ("REGCA1", Unsupported.CLASSICAL),
+        ("REGCA1", Unsupported.DROP),
+        ("CGEN1", Unsupported.CLASSICAL),
+        ("NEWGEN", Unsupported.CLASSICAL),
+    ],
+)
+def test_what_cannot_be_a_machine_is_a_negative_load_without_controllers(case, model, unsupported):
+    rows = [("GENROU", 1, GENROU), (model, 2, GENROU), ("REECB1", 2, ()), ("TGOV1", 2, TGOV1)]
+    found = device_records(case, data(*rows), unsupported=unsupported)
+    assert list(by_name(found)) == ["genrou 1:1", "negative_load 2:1"]
+    assert outcomes(found) == {
+        (model, "negative load"): ["2:1"],
+        ("REECB1", "left out with its machine"): ["2:1"],
+        ("TGOV1", "left out with its machine"): ["2:1"],
+    }
+    assert str(found.replaced[0]) == (
+        f"{model}: negative load; 1 record at 2:1, 90.0 MW (60.0% of generation)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("model", "place", "power"),
+    [
+        ("IEELAL", (0, "*"), LOAD_MW),
+        ("CLODBL", (2, "A"), 100.0),
+        ("IEELBL", (2, "*"), 100.0),
+        ("IEELBL", (2, "B"), 0.0),
+        ("ACMTAR", (7, "*"), 100.0),
+        ("CMLDBLU1", (2, "A"), 100.0),
+        ("CLODZN", (1, "*"), LOAD_MW),
+    ],
+)
+def test_load_models_are_left_out_with_the_load_that_they_are_for(case, model, place, power):
+    rows = data(*WHOLE, (model, *place, (0.4,)))
+    found = device_records(case, rows, unsupported=Unsupported.DROP)
+    (item,) = found.replaced
+    assert item.outcome == "left out, loads are what the study makes them"
+    assert (item.of, item.active_mw, item.share) == ("load", power, pytest.approx(power / LOAD_MW))
+
+
+def test_stabilizer_without_exciter_is_left_out_and_told(case):
+    found = device_records(case, data(*WHOLE, ("IEEEST", 1, IEEEST)))
+    assert outcomes(found) == {("IEEEST", "left out, the unit has no exciter for it"): ["1:1"]}
+
+
+def test_generators_in_service_without_machine_are_refused_or_become_negative_loads(case):
+    rows = data(WHOLE[0], ("TGOV1", 2, TGOV1))
+    assert faults_of(case, rows, unsupported=Unsupported.DROP) == [
+        "no machine for generators in service: 1 generator at 2:1, 90.0 MW (60.0% of generation): 2:1"
+    ]
+    found = device_records(case, rows, without_data=WithoutData.NEGATIVE_LOAD)
+    assert outcomes(found) == {
+        ("TGOV1", "left out with its machine"): ["2:1"],
+        ("no dynamic data", "negative load"): ["2:1"],
+    }
+
+
+def test_user_written_models_are_left_out_and_a_unit_with_nothing_else_is_a_negative_load(case):
+    skipped = [
+        SkippedRecord(3, "1 'USRMDL' 1 'MYAVR'", gf.UnitKey(1, "1")),
+        SkippedRecord(4, "2 'USRMDL' 1 'MYGEN'", gf.UnitKey(2, "1")),
+        SkippedRecord(5, "2 'USRMDL' 2 'MYGEN'", gf.UnitKey(2, "2")),
+        SkippedRecord(6, "Line 'Toggle' 5"),
+    ]
+    rows = data(WHOLE[0], skipped=skipped)
+    found = device_records(case, rows, unsupported=Unsupported.CLASSICAL)
+    assert list(by_name(found)) == ["genrou 1:1", "negative_load 2:1"]
+    assert outcomes(found) == {
+        ("user-written models", "left out"): ["1:1", "2:1"],
+        ("no dynamic data but user-written models", "negative load"): ["2:1"],
+    }
+    assert found.skipped == (
+        "own.dyr:5: user-written, of nothing in service: 2 'USRMDL' 2 'MYGEN'",
+        "own.dyr:6: no device record: Line 'Toggle' 5",
+    )
+
+
+def test_device_models_of_the_user_count_as_supported(case):
+    rows = data(*WHOLE, ("MYAVR", 1, SEXS))
+    mine = replace(DEVICES["sexs"], model="myavr")
+    found = device_records(case, rows, devices={**DEVICES, "myavr": mine})
+    assert "myavr 1:1" in by_name(found)
+
+
+def test_the_table_of_names_agrees_with_the_models_that_gridfold_has():
+    supported = psse_devices(DEVICES)
+    assert {name: kind_of(name, {}) for name in supported} == {
+        name: kind_of(name, supported) for name in supported
+    }
+
+
+def test_positions_for_a_classical_machine_agree_with_the_models_that_gridfold_has():
+    for model in ("GENROU", "GENSAL"):
+        columns = DEVICES[model.lower()].psse_record
+        names = ("inertia", "damping", "d_transient_reactance")
+        assert tuple(columns.index(name) for name in names) == CLASSICAL_COLUMNS[model]
+    assert all(kind_of(model, {}) is Kind.MACHINE for model in CLASSICAL_COLUMNS)
