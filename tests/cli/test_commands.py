@@ -48,10 +48,48 @@ def test_exit_code_tells_loss_of_synchronism(command, tmp_path):
 
 def test_exit_code_tells_states_that_are_not_finite(command):
     code, out, _ = command(
-        "simulate", "npcc", "--fault-bus", 3, "--step", 2, "--no-watch", "--json", "-"
-    )
+        "simulate", "npcc", "--fault-bus", 36, "--fault-duration", 0.6, "--step", 0.1,
+        "--method", "rk4", "--no-watch", "--json", "-"
+    )  # fmt: skip
     assert code == 1
     assert json.loads(out)["status"] == "not finite"
+
+
+def test_the_method_is_chosen_and_told(command, tmp_path):
+    facts, csv = tmp_path / "a.json", tmp_path / "a.csv"
+    begin = ("simulate", "npcc", "--t-end", 0.2, "--json", facts, "--csv", csv)
+    code, out, _ = command(*begin)
+    assert code == 0
+    record = json.loads(facts.read_text())
+    assert record["method"] == record["stepper"]["name"] == "rk4"
+    assert "is stable at 0.01 s" in record["method_reason"]
+    assert "".join(record["method_reason"].split()) in "".join(out.split())
+    assert json.loads((tmp_path / "a.csv.meta.json").read_text())["method"] == "rk4"
+    code, _, _ = command(*begin, "--step", 0.2)
+    record = json.loads(facts.read_text())
+    assert record["method"] == record["stepper"]["name"] == "trapezoidal"
+    assert "rk4 at 0.2 s would be unstable" in record["method_reason"]
+    command(*begin, "--method", "trapezoidal")
+    assert json.loads(facts.read_text())["method"] == "trapezoidal"
+
+
+def test_an_explicit_method_that_would_be_unstable_is_refused(command, tmp_path):
+    csv = tmp_path / "a.csv"
+    code, out, err = command("simulate", "npcc", "--method", "rk4", "--step", 0.2, "--csv", csv)
+    assert (code, out) == (2, "")
+    assert err.startswith("gridfold: error:")
+    for text in ("rk4 at 0.2 s would be unstable", "two_axis 26:1", "0.15 s", "trapezoidal"):
+        assert text in " ".join(err.split())
+    assert not csv.exists()
+
+
+def test_clearing_times_say_by_which_method_they_were_found(command):
+    _, out, _ = command(
+        "cct", "npcc", "--buses", 3, "--step", 0.16, "--longest", 0.5, "--t-end", 2, "--json", "-"
+    )
+    row = json.loads(out)[0]
+    assert row["method"] == "trapezoidal"
+    assert "needs at most 0.15 s" in row["method_reason"]
 
 
 def test_json_on_standard_output_is_all_there_is(command):

@@ -10,6 +10,7 @@ from gridfold.numerics.compiled import compile_callback
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 from gridfold.numerics.steppers import (
     AdamsBashforthMoulton4,
+    ImplicitTrapezoidal,
     RungeKutta4,
     ScipyReference,
     time_grid,
@@ -26,6 +27,25 @@ def _pendulum(integers, reals, work, x, dx):
 def pendulum() -> CompiledRhs:
     address = compile_callback(_pendulum, RHS_SIGNATURE).address
     return CompiledRhs(address, np.zeros(0, dtype=np.int64), np.array([4.0]), 0, 2)
+
+
+def _spiral(integers, reals, work, x, dx):
+    """y' = lambda y for a complex y, in real numbers."""
+    dx[0] = reals[0] * x[0] - reals[1] * x[1]
+    dx[1] = reals[1] * x[0] + reals[0] * x[1]
+
+
+def _spiral_states(stepper, eigenvalue: complex, steps: int) -> np.ndarray:
+    address = compile_callback(_spiral, RHS_SIGNATURE).address
+    reals = np.array([eigenvalue.real, eigenvalue.imag])
+    rhs = CompiledRhs(address, np.zeros(0, dtype=np.int64), reals, 0, 2)
+    return stepper.integrate(rhs, stepper.step * np.arange(steps + 1), START).states
+
+
+def _observed_growth(stepper, eigenvalue: complex, first: int, last: int) -> float:
+    """Factor by which a step changes the size of y between two steps."""
+    sizes = np.linalg.norm(_spiral_states(stepper, eigenvalue, last), axis=1)
+    return float((sizes[last] / sizes[first]) ** (1 / (last - first)))
 
 
 START = np.array([1.0, 0.3])
@@ -140,3 +160,52 @@ def test_watches_hold_where_a_quantity_is_not_finite():
     band = BandWatch(np.eye(2), np.zeros(2), 1.0)
     assert spread.holds(bad)
     assert band.holds(bad)
+
+
+@pytest.mark.parametrize("kind", [RungeKutta4, ImplicitTrapezoidal])
+@pytest.mark.parametrize("z", [-0.3 + 0.4j, -2.0 + 1.0j, 2.9j, -3.5 + 0j, 0.2 - 1.1j])
+def test_growth_of_a_one_step_rule_is_that_of_every_step(kind, z):
+    stepper = kind(0.02)
+    assert _observed_growth(stepper, z / 0.02, 0, 5) == pytest.approx(stepper.growth(z), rel=1e-7)
+
+
+@pytest.mark.parametrize("z", [-0.2 + 0j, 0.3 + 0j, -0.5 + 0.6j, -0.2 + 1.2j, 0.1 + 0.8j])
+def test_growth_of_adams_bashforth_moulton_is_that_of_its_steps_in_the_long_run(z):
+    stepper = AdamsBashforthMoulton4(0.02)
+    observed = _observed_growth(stepper, z / 0.02, 200, 260)
+    assert observed == pytest.approx(stepper.growth(z), rel=1e-6)
+
+
+@pytest.mark.parametrize("z", [-1.0, -1.3, -1.6])
+def test_growth_holds_where_a_decay_becomes_an_oscillation_of_the_rule(z):
+    """y = Re(c r^n) has y_n^2 - y_(n+1) y_(n-1) in proportion to |r|^(2n)."""
+    stepper = AdamsBashforthMoulton4(0.02)
+    y = _spiral_states(stepper, complex(z / 0.02), 122)[:, 0]
+    d = y[1:-1] ** 2 - y[2:] * y[:-2]
+    assert np.sqrt(d[-1] / d[-2]) == pytest.approx(stepper.growth(z), rel=1e-6)
+
+
+def test_runge_kutta_is_stable_on_the_axes_as_far_as_in_the_textbook():
+    """Hairer & Wanner II, section IV.2: -2.785 on the real axis, 2.828 on the imaginary one."""
+    growth = RungeKutta4().growth
+    assert growth(-2.785) < 1 < growth(-2.786)
+    assert growth(1j * (np.sqrt(8) - 1e-6)) < 1 < growth(1j * (np.sqrt(8) + 1e-6))
+
+
+def test_growth_agrees_with_the_exponential_to_the_order_of_each_rule():
+    for stepper, order in (
+        (RungeKutta4(), 4),
+        (AdamsBashforthMoulton4(), 4),
+        (ImplicitTrapezoidal(), 2),
+    ):
+        errors = [abs(stepper.growth(-z) - np.exp(-z)) for z in (0.1, 0.05)]
+        assert np.log2(errors[0] / errors[1]) > order + 0.8
+    assert ScipyReference().growth(-1e6) == 1
+
+
+def test_the_trapezoidal_rule_is_stable_exactly_where_the_system_is():
+    growth = ImplicitTrapezoidal().growth
+    for real, imag in ((-1e6, 0.0), (-1e-3, 50.0), (-2.0, 7.0)):
+        assert growth(complex(real, imag)) < 1 < growth(complex(-real, imag))
+    assert growth(30j) == pytest.approx(1)
+    assert growth(2) == np.inf

@@ -3,7 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridfold.numerics.watch import BandWatch, SpreadWatch, first_fired, first_watch, pack_watches
+from gridfold.numerics.watch import (
+    BandWatch,
+    BoxWatch,
+    SpreadWatch,
+    first_fired,
+    first_watch,
+    pack_watches,
+)
 
 N_STATES = 12
 
@@ -23,6 +30,14 @@ def band(limit: float, inside: bool = False, seed: int = 1) -> BandWatch:
 def spread(limit: float) -> SpreadWatch:
     group, index = np.array([0, 0, 1]), np.array([0, 3, 5])
     return SpreadWatch(index, group, np.ones(3), np.array([np.nan, 0.0]), limit)
+
+
+def box(size: float, seed: int = 1) -> BoxWatch:
+    """Ranges of different size about different middles, some of them open on one side."""
+    rng = np.random.default_rng(seed)
+    lower, upper = -size * rng.uniform(0.5, 1.5, 20), size * rng.uniform(0.5, 1.5, 20)
+    lower[:5], upper[5:9] = -np.inf, np.inf
+    return BoxWatch(rng.normal(size=(20, N_STATES)), lower, upper)
 
 
 def verdicts(watch, states) -> list[bool]:
@@ -50,8 +65,35 @@ def test_a_compiled_band_forgets_a_state_that_is_not_finite(inside, value):
     assert verdicts(band(5.0, inside), states) == [inside, not inside, inside]
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("size", [0.0, 0.2, 0.4, 0.6, 5.0])
+def test_a_compiled_box_says_of_every_state_what_the_quantities_say(seed, size):
+    watch, states = box(size, seed), walk(seed)
+    values = states @ watch.matrix.T
+    expected = ((values > watch.upper) | (values < watch.lower)).any(axis=1).tolist()
+    assert [watch.holds(state) for state in states] == expected
+    assert verdicts(watch, states) == expected
+    jumps = np.random.default_rng(seed).permutation(len(states))
+    assert verdicts(watch, states[jumps]) == [expected[k] for k in jumps]
+    if 0.2 <= size <= 0.6:
+        assert len(set(expected)) == 2
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_compiled_box_forgets_a_state_that_is_not_finite(value):
+    states = walk(0, rows=3)
+    states[1, 4] = value
+    assert verdicts(box(5.0), states) == [False, True, False]
+
+
+def test_distances_from_a_box_are_negative_inside():
+    watch = BoxWatch(np.eye(2), np.array([-1.0, -np.inf]), np.array([2.0, 0.5]))
+    np.testing.assert_array_equal(watch.distances(np.array([1.5, -3.0])), [-0.5, -3.5])
+    np.testing.assert_array_equal(watch.distances(np.array([-1.5, 1.0])), [0.5, 0.5])
+
+
 @pytest.mark.parametrize("limit", [0.0, 0.3, 0.5, 0.7, 5.0, np.inf])
-@pytest.mark.parametrize("kind", [band, lambda limit: band(limit, True), spread])
+@pytest.mark.parametrize("kind", [band, lambda limit: band(limit, True), spread, box])
 def test_first_is_the_first_row_that_holds(kind, limit):
     watch = kind(limit)
     for states in (walk(2), walk(2)[::-1], walk(2)[:1], walk(2)[:0]):
@@ -60,7 +102,7 @@ def test_first_is_the_first_row_that_holds(kind, limit):
 
 
 @pytest.mark.parametrize("limit", [5.0, np.inf])
-@pytest.mark.parametrize("kind", [band, spread])
+@pytest.mark.parametrize("kind", [band, spread, box])
 def test_first_is_a_row_that_is_not_a_number(kind, limit):
     states = walk(2)
     states[17] = np.nan

@@ -13,6 +13,7 @@ from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
     parse_buses,
+    say_method,
     speaks_to_people,
     stage_bars,
     write_json_option,
@@ -133,8 +134,9 @@ def cct(
     Example: gridfold cct npcc --buses 1-36 --json cct.json
     """
     faults = [BusFault(bus) for bus in parse_buses(buses)]
-    stepper, criterion = runs.stepper, runs.criterion
+    criterion = runs.criterion
     grid = build_model(load_case(case))
+    method = runs.choose(grid)
     simulator = choice.build(grid, case) or simulate
     with stage_bars() as bars:
         times = critical_clearing_times(
@@ -145,17 +147,19 @@ def cct(
             resolution=resolution,
             longest=longest,
             t_end=runs.t_end,
-            stepper=stepper,
+            stepper=method.stepper,
             criterion=criterion,
             simulator=simulator,
         )
     name = choice.model.value
-    write_json_option(json, [_clearing_record(item) | {"model": name} for item in times])
+    told = {"model": name} | method.record()
+    write_json_option(json, [_clearing_record(item) | told for item in times])
     if speaks_to_people(json):
         out.print(clearing_table(times))
         out.print(
             f"Synchronism is lost at {criterion}; runs of {runs.t_end:g} s on the {name} model."
         )
+        say_method(method.reason)
 
 
 def _clearing_record(item: ClearingTime) -> dict[str, Any]:

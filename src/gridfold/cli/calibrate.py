@@ -15,6 +15,7 @@ from gridfold.cli.console import (
     as_ranges,
     out,
     parse_buses,
+    say_method,
     speaks_to_people,
     stage_bars,
     write_json_option,
@@ -41,6 +42,7 @@ from gridfold.studies.calibrate import Calibration, Threshold, ThresholdKind
 from gridfold.studies.calibrate import calibrate as run_calibration
 from gridfold.studies.clearing_time import critical_clearing_times
 from gridfold.studies.contingency_errors import AngleError, Contingency
+from gridfold.studies.method import Choice
 from gridfold.studies.saved import reducer_record
 
 
@@ -94,15 +96,16 @@ def calibrate(
     events = [parse_event(text) for text in event or []]
     faulted = None if buses is None else parse_buses(buses)
     model = build_model(load_case(case))
+    method = runs.choose(model)
     parts = partition(model, area.find(model.case, case))
     if faulted is None:
         faulted = [] if events else sorted(parts.study_buses)
     with stage_bars() as bars:
         result = run_calibration(
             parts,
-            [*_critical(model, faulted, runs, workers, bars), *events],
+            [*_critical(model, faulted, runs, method, workers, bars), *events],
             runs.t_end,
-            runs.stepper,
+            method.stepper,
             reducer,
             limit_deg=limit,
             what=what,
@@ -113,9 +116,10 @@ def calibrate(
             outputs=boundary.outputs or Outputs.STATES,
             coupling=boundary.coupling or BoundaryCoupling.EXACT,
         )
-    write_json_option(json, _record(parts, result, reducer))
+    write_json_option(json, _record(parts, result, reducer) | method.record())
     if speaks_to_people(json):
         _print(result)
+        say_method(method.reason)
     if any(found.value is None for found in result.thresholds.values()):
         raise typer.Exit(ExitCode.FAILED)
 
@@ -124,6 +128,7 @@ def _critical(
     model: DetailedModel,
     buses: list[int],
     runs: RunOptions,
+    method: Choice,
     workers: int | None,
     bars: StageBars,
 ) -> list[Event]:
@@ -137,7 +142,7 @@ def _critical(
         bars.counter("clearing times", len(buses)),
         longest=min(2.0, runs.t_end / 2),
         t_end=runs.t_end,
-        stepper=runs.stepper,
+        stepper=method.stepper,
         criterion=runs.criterion,
     )
     return [item.fault for item in times]

@@ -89,6 +89,11 @@ def speaks_to_people(json_path: str | None) -> bool:
     return json_path != "-"
 
 
+def say_method(reason: str) -> None:
+    """Tell which integration rule was chosen, and why."""
+    out.print(f"Method {reason}", style="dim", markup=False, highlight=False)
+
+
 class StageBars:
     """Progress bars, one for each stage."""
 

@@ -11,11 +11,12 @@ import typer
 
 from gridfold.cli.console import parse_buses
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
-from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
 from gridfold.partition import Coupling, study_buses
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
+from gridfold.studies.method import Choice, Method, choose_stepper
 from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
 from gridfold.studies.synchronism import SynchronismCriterion
 
@@ -36,13 +37,6 @@ JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for
 WorkersOption = Annotated[int | None, run_option(min=1, help="Threads.", show_default="one a core")]
 
 
-class Method(Enum):
-    """Integration rules by name."""
-
-    RK4 = "rk4"
-    ABM4 = "abm4"
-
-
 class ReducerKind(Enum):
     """Reducers by name."""
 
@@ -58,17 +52,18 @@ class RunOptions:
     step: Annotated[
         float | None, run_option(help="Time step (s).", show_default="0.01; abm4 0.02")
     ] = None
-    method: Annotated[Method, run_option(help="Integration rule.")] = Method.RK4
+    method: Annotated[
+        Method,
+        run_option(help="Integration rule; auto: rk4, or trapezoidal where that is unstable."),
+    ] = Method.AUTO
     angle_limit: Annotated[
         float,
         run_option(help="Angle from the centre of inertia at which synchronism is lost (deg)."),
     ] = 180.0
 
-    @property
-    def stepper(self) -> Stepper:
-        """The stepper, with its own default step if none is given."""
-        kind = AdamsBashforthMoulton4 if self.method is Method.ABM4 else RungeKutta4
-        return kind() if self.step is None else kind(self.step)
+    def choose(self, model: DetailedModel) -> Choice:
+        """The stepper for `model`, with its own default step if none is given, and why."""
+        return choose_stepper(model, self.method, self.step)
 
     @property
     def criterion(self) -> SynchronismCriterion:

@@ -13,11 +13,11 @@ from gridfold.cli.console import out
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
-from gridfold.numerics.steppers import Stepper
 from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
 from gridfold.studies.adaptive import Switch
 from gridfold.studies.compare import Comparison, UnitError, compare
 from gridfold.studies.error_budget import ErrorBudget
+from gridfold.studies.method import Choice
 from gridfold.studies.simulate import ModelStore, simulate
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory
@@ -86,7 +86,7 @@ class Disturbance:
     model: DetailedModel
     events: Sequence[Event]
     t_end: float
-    stepper: Stepper
+    method: Choice
     criterion: SynchronismCriterion | None
 
     def solve(
@@ -97,14 +97,16 @@ class Disturbance:
         `comparing` adds a detailed run beside it, `budgeting` the error by its causes.
         """
         store: ModelStore = {}
-        rest = (self.model, self.events, self.t_end, self.stepper, self.criterion, store)
+        stepper, reason = self.method.stepper, self.method.reason
+        rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
         if reduced is None:
-            return Outcome(simulate(*rest))
+            return Outcome(replace(simulate(*rest), method_reason=reason))
         run = reduced.run(*rest)
         seconds = reduced.seconds + run.reduction_seconds
-        result = Outcome(run.trajectory, run.switches, seconds)
+        trajectory = replace(run.trajectory, method_reason=reason)
+        result = Outcome(trajectory, run.switches, seconds)
         if budgeting:
-            result = replace(result, budget=reduced.budget(self.events, self.t_end, self.stepper))
+            result = replace(result, budget=reduced.budget(self.events, self.t_end, stepper))
         if not comparing:
             return result
         detailed = simulate(*rest)

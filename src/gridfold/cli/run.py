@@ -16,6 +16,7 @@ from gridfold.cli.console import (
     EXIT_CODES,
     exit_code,
     out,
+    say_method,
     speaks_to_people,
     write_json_option,
 )
@@ -196,8 +197,9 @@ def simulate(
     if budget and not choice.partitioned:
         raise OptionError("--budget needs a model with a reduced external area, see --model")
     grid = build_model(load_case(case), backend=network)
+    method = runs.choose(grid)
     ready = time.perf_counter()
-    task = Disturbance(grid, happenings, runs.t_end, runs.stepper, criterion)
+    task = Disturbance(grid, happenings, runs.t_end, method, criterion)
     result = task.solve(choice.build(grid, case), compare or budget, budget)
     run = result.run
     results.write(result)
@@ -207,6 +209,7 @@ def simulate(
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
+        say_method(method.reason)
         result.show()
     raise typer.Exit(exit_code(run.status))
 

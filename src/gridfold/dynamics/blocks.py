@@ -10,6 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+#: Time constant in seconds with which a non-windup state approaches its limit.
+APPROACH = 0.005
+
 
 @njit
 def clip(value, lowest, highest):
@@ -23,12 +26,21 @@ def clip(value, lowest, highest):
 
 @njit
 def held(rate, x, lowest, highest):
-    """The derivative `rate` of a non-windup state: zero where it would lead out of the limits."""
-    if x.real >= highest.real and rate.real > 0:
+    """The derivative `rate` of a non-windup state, which may not lead out of the limits.
+
+    A state approaches a limit no faster than with :data:`APPROACH`, so that the derivative is a
+    continuous function of the state, without which implicit rules have no solution there. Beyond a
+    limit, where an explicit step may land, it stands until it is led back.
+    """
+    if rate.real > 0:
+        if x.real >= highest.real:
+            return 0.0 * rate
+        approach = (highest - x) / APPROACH
+        return approach if approach.real < rate.real else rate
+    if x.real <= lowest.real:
         return 0.0 * rate
-    if x.real <= lowest.real and rate.real < 0:
-        return 0.0 * rate
-    return rate
+    approach = (lowest - x) / APPROACH
+    return approach if approach.real > rate.real else rate
 
 
 @njit

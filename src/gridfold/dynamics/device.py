@@ -97,11 +97,15 @@ class Side(Enum):
 
 @dataclass(frozen=True)
 class Limit:
-    """A parameter that limits something; `state` is named where it limits a state directly."""
+    """A parameter that limits something; `state` is named where it limits a state directly.
+
+    Where the parameter is an addition to another one, that is `added_to`.
+    """
 
     parameter: str
     side: Side
     state: str | None = None
+    added_to: str | None = None
 
 
 def limits(lowest: str, highest: str, state: str | None = None) -> tuple[Limit, Limit]:

@@ -42,8 +42,58 @@ def acting_limits(
             found[k] = (np.abs(_evaluate(device, x, u, free) - bound) > ACTING).any(axis=0)
         if limit.state is not None:
             state = x[device.states.index(limit.state)]
-            found[k] |= side * (state - p[row]) > ACTING
+            found[k] |= side * (state - limit_value(device, limit, p)) > ACTING
     return found
+
+
+def limit_value(device: Device, limit: Limit, p: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Value of a limit at the parameters p (n_rows, n_units): shape (n_units,)."""
+    value = p[_row(device, limit)]
+    if limit.added_to is not None:
+        value = value + p[device.parameter_rows.index(limit.added_to)]
+    return np.asarray(value, dtype=float)
+
+
+def limit_symbol(device: Device, limit: Limit) -> str:
+    """Symbol of a limit, as in the docs."""
+    name = limit.parameter if limit.added_to is None else limit.added_to
+    return device.parameters[device.parameter_rows.index(name)].symbol
+
+
+def bounds_state(
+    device: Device,
+    limit: Limit,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    p: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Whether a limit bounds its state as it stands, shape (n_units,).
+
+    It does not where it has no state, or where a time constant of zero leaves that state idle:
+    then nothing depends on how far the state is beyond the limit.
+    """
+    if limit.state is None:
+        return np.zeros(x.shape[1], dtype=bool)
+    beyond, free = x.copy(), p.copy()
+    side = limit.side.value
+    free[_row(device, limit)] = side * NO_LIMIT
+    beyond[device.states.index(limit.state)] = limit_value(device, limit, p) + side
+    change = _evaluate(device, beyond, u, free) - _evaluate(device, beyond, u, p)
+    return np.asarray((np.abs(change) > ACTING).any(axis=0))
+
+
+def tightened(device: Device, p: NDArray[np.float64], part: float) -> NDArray[np.float64]:
+    """Parameters with every limit moved inwards by `part` of its size.
+
+    A limit of a state moves by at least `part`. Any other that is zero stays: that may mean none.
+    """
+    result = p.copy()
+    for limit in device.limits:
+        size = np.abs(limit_value(device, limit, p))
+        if limit.state is not None:
+            size = np.maximum(size, 1.0)
+        result[_row(device, limit)] -= limit.side.value * part * size
+    return result
 
 
 def widened(

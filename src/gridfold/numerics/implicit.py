@@ -12,10 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import types
+from numba import njit, types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import compile_callback, matrix_view
+from gridfold.numerics.compiled import compile_callback, invoke, matrix_view
 
 #: ``solve(integers, reals, b, y, scratch)``: two read-only data blocks, right-hand side, solution.
 SOLVER_SIGNATURE = types.void(
@@ -39,9 +39,21 @@ class CompiledSolver:
     reals: NDArray[np.float64]
     scratch_size: int
 
+    def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The solution y for a right-hand side b, both of shape (n_states,)."""
+        y = np.empty(len(b))
+        call_solver(self.address, self.integers, self.reals, b, y, np.zeros(self.scratch_size))
+        return y
+
 
 #: Makes the solver for a state, shape (n_states,), and a gamma in seconds.
 SolverFactory = Callable[[NDArray[np.float64], float], CompiledSolver]
+
+
+@njit(cache=True, nogil=True)
+def call_solver(address, integers, reals, b, y, scratch):
+    """Call the solver at `address` once."""
+    invoke(address, (integers, reals, b, y, scratch))
 
 
 def dense_solver(jacobian: NDArray[np.float64], gamma: float) -> CompiledSolver:

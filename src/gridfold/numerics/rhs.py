@@ -57,6 +57,14 @@ class CompiledRhs:
         call_rhs(self.address, self.integers, self.reals, np.zeros(self.work_size), state, dx)
         return dx
 
+    def held_after_step(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The state after a step that ended in `x`: the same, but for values held during steps."""
+        state = np.array(x, dtype=np.float64)
+        if self.after_step:
+            work, dx = np.zeros(self.work_size), np.empty(self.n_states)
+            call_rhs(self.after_step, self.integers, self.reals, work, state, dx)
+        return state
+
     def work_along(self, states: NDArray[np.float64], count: int) -> NDArray[np.float64]:
         """First `count` entries of the scratch space after a call at each row of `states`."""
         rows = np.ascontiguousarray(states, dtype=np.float64)

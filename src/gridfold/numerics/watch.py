@@ -171,6 +171,59 @@ class BandWatch:
         )
 
 
+@dataclass(frozen=True)
+class BoxWatch:
+    """Holds when one of the quantities C x leaves its range.
+
+    Like :class:`BandWatch` it judges most states without forming the quantities.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n_states)
+        C.
+    lower, upper : ndarrays, shape (n,)
+        The ranges; infinite where there is no end.
+    """
+
+    matrix: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far each quantity is beyond its range, negative inside; shape (..., n)."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = x @ self.matrix.T
+            return np.asarray(np.maximum(self.lower - values, values - self.upper))
+
+    def holds(self, x: NDArray[np.float64]) -> bool:
+        """Whether a quantity is beyond its range."""
+        return not np.max(self.distances(x), initial=-np.inf) <= 0
+
+    @cached_property
+    def reach(self) -> NDArray[np.float64]:
+        """By how much the most sensitive quantity moves with each state, shape (n_states,)."""
+        return np.asarray(np.abs(self.matrix).max(axis=0, initial=0.0))
+
+    def first(self, states: NDArray[np.float64]) -> int | None:
+        """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
+        room = min(np.min(self.upper, initial=np.inf), np.min(-self.lower, initial=np.inf))
+        with np.errstate(invalid="ignore", over="ignore"):
+            unclear = np.flatnonzero(~(np.abs(states) @ self.reach <= room))
+        beyond = self.distances(states[unclear]).max(axis=1, initial=-np.inf)
+        rows = unclear[~(beyond <= 0)]
+        return int(rows[0]) if len(rows) else None
+
+    def compile(self) -> CompiledWatch:
+        """The condition for compiled loops."""
+        n, n_states = self.matrix.shape
+        ranges = [self.lower, self.upper, self.matrix.ravel(), self.reach, np.zeros(n_states)]
+        return CompiledWatch(
+            _compiled_box().address,
+            np.array([n, n_states], dtype=np.int64),
+            np.concatenate([_NOTHING_KNOWN, *ranges]),
+        )
+
+
 def first_fired(watches: Sequence[Watch], states: NDArray[np.float64]) -> tuple[int, int] | None:
     """First row of `states` in which a watch holds, and the number of that watch, from 1.
 
@@ -265,6 +318,39 @@ def _largest(offset, matrix, x):
     return worst
 
 
+def _box(integers, reals, x, verdict):
+    # reals: margin and verdict at the last state y that was judged in full; lower, upper, C, reach, y
+    n, n_states = integers[0], integers[1]
+    matrix_at = 2 + 2 * n
+    reach_at = matrix_at + n * n_states
+    moved = 0.0
+    for j in range(n_states):
+        moved += reals[reach_at + j] * abs(x[j] - reals[reach_at + n_states + j])
+    if not moved < reals[0]:
+        matrix = matrix_view(reals, matrix_at, n, n_states)
+        worst = _furthest(reals[2 : 2 + n], reals[2 + n : 2 + 2 * n], matrix, x)
+        reals[0] = abs(worst)
+        reals[1] = 0.0 if worst <= 0 else 1.0
+        for j in range(n_states):
+            reals[reach_at + n_states + j] = x[j]
+    verdict[0] = reals[1]
+
+
+@compiled_part
+def _furthest(lower, upper, matrix, x):
+    """How far C x is beyond its ranges, negative inside; NaN where a quantity is."""
+    worst = -np.inf
+    for i in range(matrix.shape[0]):
+        value = 0.0
+        for j in range(matrix.shape[1]):
+            value += matrix[i, j] * x[j]
+        beyond = max(lower[i] - value, value - upper[i])
+        if np.isnan(value) or np.isnan(beyond):
+            return np.nan
+        worst = max(worst, beyond)
+    return worst
+
+
 @cache
 def _compiled_spread() -> Any:
     return compile_callback(_spread, WATCH_SIGNATURE)
@@ -273,3 +359,8 @@ def _compiled_spread() -> Any:
 @cache
 def _compiled_band() -> Any:
     return compile_callback(_band, WATCH_SIGNATURE)
+
+
+@cache
+def _compiled_box() -> Any:
+    return compile_callback(_box, WATCH_SIGNATURE)

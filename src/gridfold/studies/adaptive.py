@@ -3,6 +3,8 @@
 Detailed while a fault is on; after that hybrid as long as the angle deviation of any study-area
 machine exceeds the threshold, else linear. When the topology has changed, or the threshold has been
 exceeded for too long, the models move to the new operating point.
+
+Linear units know no limits. Where one of theirs is reached the detailed model takes over.
 """
 
 from __future__ import annotations
@@ -21,10 +23,12 @@ from gridfold.grid.events import Event
 from gridfold.grid.timeline import Stage
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.watch import Watch
 from gridfold.simulation.run import run_plan
-from gridfold.simulation.segment import Segment
+from gridfold.simulation.segment import Piece, Segment
 from gridfold.studies.angle_watches import deviation_rows, watched_segment
-from gridfold.studies.notices import stage_notices
+from gridfold.studies.limit_watches import LinearLimits, listed, origin_notice, passed_notices
+from gridfold.studies.notices import Notice, in_order, stage_notices
 from gridfold.studies.reduced import ModelFamily, SmallModel
 from gridfold.studies.simulate import ModelStore, SimulationPlan, plan_simulation
 from gridfold.studies.small_models import Mode, SmallModels
@@ -33,6 +37,8 @@ from gridfold.studies.trajectory import Trajectory
 
 #: Times closer than this (s) are one instant.
 _INSTANT = 1e-9
+#: Time (s) for which the detailed model stays in use once a limit was reached.
+LIMIT_DWELL = 0.1
 
 
 class Switch(NamedTuple):
@@ -55,10 +61,14 @@ class SwitchingRule:
         Threshold of the angle deviation in degrees; 0 is hybrid all the time, infinity linear.
     longest_above : float
         Time in seconds above the threshold after which the operating point is looked for anew.
+    limits : bool
+        Whether the detailed model is used where a limit of a linear unit is reached; limits that are
+        passed are told in any case.
     """
 
     angle_deg: float
     longest_above: float = 5.0
+    limits: bool = True
 
     def __post_init__(self) -> None:
         if not self.angle_deg >= 0:
@@ -100,6 +110,9 @@ class AdaptivePlan:
     models: list[DetailedModel] = field(default_factory=list)
     above_since: float | None = None
     looked: bool = False
+    at_limit: bool = False
+    limits: list[LinearLimits | None] = field(default_factory=list)
+    told: dict[tuple[str, ...], float] = field(default_factory=dict)
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
         """The segment from `time` and the state `x` on."""
@@ -110,12 +123,43 @@ class AdaptivePlan:
         small = None if mode is Mode.DETAILED else self.small.get(model, mode)
         if small is None and mode is not Mode.DETAILED:
             mode, reason = Mode.DETAILED, "there is no equilibrium to linearize about"
-        if mode is Mode.HYBRID and self.above_since is not None and not self.looked:
+        limits = None if small is None else self.small.limits(model, mode)
+        reached = self._reached(limits, x)
+        if reached:
+            mode, reason, small, limits = Mode.DETAILED, f"{listed(reached)} reached", None, None
+            end = min(end, round(time + LIMIT_DWELL, 9))
+        elif mode is Mode.HYBRID and self.above_since is not None and not self.looked:
             end = min(end, max(self.above_since + self.rule.longest_above, time + _INSTANT))
-        self._log(time, mode, reason, small, x, model)
+        self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
+        self.at_limit = bool(reached)
         self.models.append(model)
+        self.limits.append(limits)
         label = f"{stage.label} ({mode.value})"
-        return watched_segment(model, small, end, label, self._watch(model, mode), self.criterion)
+        switch, further = self._watch(model, mode), self._limit_watch(limits)
+        return watched_segment(model, small, end, label, switch, self.criterion, further)
+
+    def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
+        """Limits that act at operating points, and those that linear phases passed."""
+        every = not self.rule.limits
+        phases = [
+            limits.passed(piece, every)
+            for piece, limits in zip(pieces, self.limits, strict=False)
+            if limits is not None
+        ]
+        at_origin = [origin_notice(time, names) for names, time in self.told.items() if names]
+        return [*at_origin, *passed_notices(phases)]
+
+    def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
+        """Limits for which the detailed model has to take over, or stay."""
+        if limits is None or not self.rule.limits:
+            return ()
+        was_detailed = not self.switches or self.switches[-1].after is Mode.DETAILED
+        return limits.reached(x, inside=was_detailed)
+
+    def _limit_watch(self, limits: LinearLimits | None) -> tuple[Watch, ...]:
+        if limits is None or limits.watch is None or not self.rule.limits:
+            return ()
+        return (limits.watch,)
 
     def _stage(self, time: float) -> tuple[Stage, DetailedModel, float]:
         now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
@@ -130,6 +174,7 @@ class AdaptivePlan:
         family = self.small.family_for(model)
         if family is None:
             return Mode.DETAILED, "there is no equilibrium to linearize about"
+        self.told.setdefault(family.at_limits, time)
         deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
         worst = float(deviation.max(initial=0.0))
         if worst <= self.rule.angle_deg and self.rule.angle_deg > 0:
@@ -167,9 +212,10 @@ class AdaptivePlan:
         small: SmallModel | None,
         x: NDArray[np.float64],
         model: DetailedModel,
+        other_cause: bool,
     ) -> None:
         before = self.switches[-1].after if self.switches else None
-        if before is mode and "nothing is rebuilt" not in reason:
+        if before is mode and not other_cause and "nothing is rebuilt" not in reason:
             return
         jump = 0.0
         if small is not None:
@@ -212,6 +258,7 @@ def simulate_adaptive(
     plan = AdaptivePlan(stages, small, rule, criterion)
     ready = clock.perf_counter()
     run = run_plan(plan, model.x0, stepper)
+    limit_notices = plan.limit_notices(run.pieces)
     done = clock.perf_counter()
     reduction = small.seconds - spent
     reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
@@ -220,7 +267,7 @@ def simulate_adaptive(
         run=run,
         models=tuple(plan.models),
         events=tuple(events),
-        notices=stage_notices(reached, stages.models),
+        notices=in_order(*stage_notices(reached, stages.models), *limit_notices),
         stepper=stepper,
         criterion=criterion,
         t_end=t_end,

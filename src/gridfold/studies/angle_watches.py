@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.numerics.watch import BandWatch
+from gridfold.numerics.watch import BandWatch, Watch
 from gridfold.simulation.segment import Segment
 from gridfold.studies.reduced import ModelFamily, SmallModel
 from gridfold.studies.synchronism import SynchronismCriterion, angle_frame
@@ -29,8 +31,9 @@ def watched_segment(
     label: str,
     switch: tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None,
     criterion: SynchronismCriterion | None,
+    further: Sequence[Watch] = (),
 ) -> Segment:
-    """A segment with its watches, in the coordinates of its system."""
+    """A segment with its watches, in the coordinates of its system; `further` ones switch, too."""
     if small is None:
         stops = () if criterion is None else (criterion.watch(model),)
         return Segment(model, end, label, stops)
@@ -43,7 +46,8 @@ def watched_segment(
     if switch is not None and np.isfinite(switch[2]):  # nothing is beyond an infinite threshold
         rows, offset, limit, inside = switch
         switches = (_band(small, rows, offset, limit, inside),)
-    return Segment(small.system, end, label, stop_watches, switches, small.coordinates)
+    every = (*switches, *further)
+    return Segment(small.system, end, label, stop_watches, every, small.coordinates)
 
 
 def _spread_rows(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

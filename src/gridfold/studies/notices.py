@@ -35,6 +35,11 @@ def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> t
     return tuple(notices)
 
 
+def in_order(*notices: Notice) -> tuple[Notice, ...]:
+    """Notices in order of time; those of one time as they come."""
+    return tuple(sorted(notices, key=lambda notice: notice.time))
+
+
 def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
     now = model.equations.islands
     known: set[frozenset[int]] = set()

@@ -23,6 +23,7 @@ from gridfold.dynamics.area_model import (
 )
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.unit_limits import limits_touched, without_touched
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import modal_form
@@ -40,11 +41,15 @@ COLUMN_NORM = 1.0
 
 @dataclass(frozen=True)
 class SmallModel:
-    """A model and the way between its states and those of the whole system."""
+    """A model, and the way between its states and those of the whole system.
+
+    `linear_units` are the units of which no function is evaluated as it is.
+    """
 
     system: System
     coordinates: Coordinates
     nonlinear_functions: int
+    linear_units: tuple[UnitKey, ...] = ()
 
     @cached_property
     def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -68,6 +73,10 @@ class ModelFamily(Protocol):
     @property
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
+
+    @property
+    def at_limits(self) -> tuple[str, ...]:
+        """Limits of devices that act at the operating point: linearization freezes what they hold."""
 
     def linear(self, model: DetailedModel) -> SmallModel:
         """The linear model, in the network state of `model`."""
@@ -105,6 +114,8 @@ class ReducedExternal:
         How the external machines act on the study area.
     boundary : BoundaryCoupling
         How the areas know each other's boundary voltages.
+    at_limits : tuple of str
+        Limits of external units that act at the operating point.
     """
 
     parts: Partition
@@ -116,6 +127,7 @@ class ReducedExternal:
     reducer: Reducer
     outputs: Outputs = Outputs.STATES
     boundary: BoundaryCoupling = BoundaryCoupling.EXACT
+    at_limits: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.boundary, self.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
@@ -156,7 +168,8 @@ class ReducedExternal:
             outputs=self.outputs,
             held=held,
         )
-        return SmallModel(built, built, built.nonlinear_functions)
+        linear = tuple(unit for unit in self.parts.external_units if unit not in corrected)
+        return SmallModel(built, built, built.nonlinear_functions, linear)
 
 
 def reduce_external(
@@ -197,7 +210,8 @@ def _reduce(
     model: DetailedModel,
     point: Equilibrium,
 ) -> ReducedExternal:
-    linear = linearize_external(parts, model, point.x)
+    smooth = without_touched(model, point.x, parts.external_units)
+    linear = linearize_external(parts, smooth, point.x)
     reduction = reducer.reduce(linear.system, linear.x0)
     if reduction.system.d.any():
         raise OptionError("a reduction with feed-through cannot stand in for an external area")
@@ -214,7 +228,10 @@ def _reduce(
     area = LinearArea(
         linear.state_index, states, linear.system, a, partners, b, linear.u0, linear.drift
     )
-    return ReducedExternal(parts, coupling, kept, reduction, area, point.x, reducer)
+    at_limits = limits_touched(model, point.x, parts.external_units)
+    return ReducedExternal(
+        parts, coupling, kept, reduction, area, point.x, reducer, at_limits=at_limits
+    )
 
 
 @dataclass(frozen=True)
@@ -230,6 +247,7 @@ class WholeSystem:
     kept: tuple[UnitKey, ...]
     origin: NDArray[np.float64] = field(repr=False)
     rate: float = 0.0
+    at_limits: tuple[str, ...] = ()
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -243,12 +261,12 @@ class WholeSystem:
 
     def linear(self, model: DetailedModel) -> SmallModel:
         """Everything linear, equation (17), in modal coordinates."""
-        form = modal_form(model.jacobian(self.origin))
+        form = modal_form(self._jacobian(model))
         if form is None:
             raise OptionError("the modes of the whole system are too close to be told apart")
         states = StateMap(self.origin, form.basis, form.inverse)
         system = ModalSystem(form, form.inverse @ model.compiled(self.origin))
-        return SmallModel(system, states, 0)
+        return SmallModel(system, states, 0, model.layout.source_units)
 
     def hybrid(self, model: DetailedModel) -> SmallModel:
         """Functions of far machines linear, equation (16)."""
@@ -256,7 +274,7 @@ class WholeSystem:
         far = [unit for unit in self.parts.external_units if unit not in near]
         index = np.array(self.parts.states_of(far), dtype=np.int64)
         rest = np.setdiff1d(np.arange(model.n_states), index)
-        jacobian = model.jacobian(self.origin)
+        jacobian = self._jacobian(model)
         full = LinearSystem(
             jacobian[np.ix_(index, index)], jacobian[np.ix_(index, rest)], np.eye(len(index))
         )
@@ -265,14 +283,20 @@ class WholeSystem:
         reference = self.origin[rest]
         area = LinearArea(index, states, full, full.a, None, full.b, reference, drift)
         built = build_area_model(model, area, input_states=rest.tolist())
-        return SmallModel(built, built, 0)
+        return SmallModel(built, built, 0, tuple(far))
+
+    def _jacobian(self, model: DetailedModel) -> NDArray[np.float64]:
+        smooth = without_touched(model, self.origin, model.layout.source_units)
+        return smooth.jacobian(self.origin)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> WholeSystem:
         """About another operating point."""
-        return WholeSystem(self.parts, self.coupling, self.kept, point.x, point.rate)
+        at_limits = limits_touched(model, point.x, model.layout.source_units)
+        return WholeSystem(self.parts, self.coupling, self.kept, point.x, point.rate, at_limits)
 
 
 def whole_system(parts: Partition, column_norm: float = COLUMN_NORM) -> WholeSystem:
     """The version without partition, about the equilibrium."""
-    coupling = couple(parts)
-    return WholeSystem(parts, coupling, coupling.kept(column_norm), parts.model.x0)
+    coupling, start = couple(parts), Equilibrium(parts.model.x0, 0.0)
+    kept = coupling.kept(column_norm)
+    return WholeSystem(parts, coupling, kept, start.x).moved(parts.model, start)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea, Outputs
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.unit_limits import limits_touched
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
 from gridfold.partition import Partition, couple, partition
@@ -183,6 +184,7 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         reducer=reducer,
         outputs=Outputs(header["outputs"]),
         boundary=BoundaryCoupling(header.get("coupling", BoundaryCoupling.EXACT.value)),
+        at_limits=limits_touched(model, arrays["x0"], parts.external_units),
     )
     return SavedReduction(family, norm)
 

@@ -9,6 +9,7 @@ from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import InitializationError
 from gridfold.grid.network_state import NetworkState
+from gridfold.studies.limit_watches import LinearLimits, linear_limits
 from gridfold.studies.reduced import ModelFamily, SmallModel
 
 
@@ -30,6 +31,7 @@ class SmallModels:
         self.family = family
         self._families: dict[tuple[object, ...], ModelFamily | None] = {(): family}
         self._models: dict[tuple[NetworkState, Mode], SmallModel] = {}
+        self._limits: dict[tuple[NetworkState, Mode], LinearLimits | None] = {}
         self.seconds = 0.0
 
     def family_for(self, model: DetailedModel) -> ModelFamily | None:
@@ -57,6 +59,18 @@ class SmallModels:
             self._models[key] = build(model)
             self.seconds += clock.perf_counter() - began
         return self._models[key]
+
+    def limits(self, model: DetailedModel, mode: Mode) -> LinearLimits | None:
+        """Limits of the units that are linear in the small model of `mode`; None if there are none."""
+        key = (model.state, mode)
+        if key not in self._limits:
+            family, small = self.family_for(model), self.get(model, mode)
+            if family is None or small is None:
+                return None
+            began = clock.perf_counter()
+            self._limits[key] = linear_limits(model, small, family.origin, family.at_limits)
+            self.seconds += clock.perf_counter() - began
+        return self._limits[key]
 
 
 def _topology(model: DetailedModel) -> tuple[object, ...]:

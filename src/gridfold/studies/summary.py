@@ -65,10 +65,15 @@ def summarize(run: Trajectory) -> Summary:
 
 def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
     """Lowest and highest voltage of energized buses from the last event on."""
-    last = max((notice.time for notice in run.notices), default=0.0)
-    rows = np.flatnonzero(run.times >= min(last, run.times[-1]))
+    used = list(zip(run.run.pieces, run.models, strict=False))
+    final = used[-1][1]
+    last = 0.0
+    for piece, model in reversed(used):
+        if model.state != final.state:
+            break
+        last = float(piece.times[0])
+    rows = np.flatnonzero(run.times >= last)
     magnitude = np.abs(run.bus_voltage()[rows])
-    final = run.models[len(run.run.pieces) - 1]
     on = np.flatnonzero(final.equations.islands.energized)
     result = []
     for pick in (np.argmin, np.argmax):

@@ -67,6 +67,8 @@ class Trajectory:
         Time spent on the networks of the stages, and on integration.
     used_model : UsedModel, optional
         Which model was simulated, for the metadata; by default told from the pieces alone.
+    method_reason : str, optional
+        Why this stepper, for the metadata.
     """
 
     model: DetailedModel = field(repr=False)
@@ -80,6 +82,7 @@ class Trajectory:
     setup_seconds: float
     simulation_seconds: float
     used_model: UsedModel | None = None
+    method_reason: str | None = None
 
     @property
     def simulated(self) -> UsedModel:
@@ -219,7 +222,10 @@ class Trajectory:
     def metadata(self) -> dict[str, Any]:
         """Everything needed to repeat the run, and its outcome; ready for JSON."""
         case = self.model.case
-        stepper = {"name": self.stepper.name, "step": self.stepper.step}
+        stepper: dict[str, Any] = {"name": self.stepper.name, "step": self.stepper.step}
+        tolerance = getattr(self.stepper, "tolerance", None)
+        if tolerance is not None:
+            stepper["tolerance"] = tolerance
         return {
             "gridfold": __version__,
             "python": platform.python_version(),
@@ -232,6 +238,8 @@ class Trajectory:
             "events": [event_record(event) for event in self.events],
             "t_end": self.t_end,
             "stepper": stepper,
+            "method": self.stepper.name,
+            "method_reason": self.method_reason,
             "criterion": None if self.criterion is None else str(self.criterion),
             "angle_limit_deg": None if self.criterion is None else self.criterion.limit_deg,
             "status": self.status.value,

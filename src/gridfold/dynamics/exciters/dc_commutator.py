@@ -19,6 +19,7 @@ is taken away at the start and moved where a limit is in the way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numba import njit
@@ -58,8 +59,10 @@ START_CONDITION = "exciter_start"
 DEFAULTS = {"stabilizer_signal": 0.0, START_CONDITION: 0.0}
 LIMITS = (
     Limit("regulator_minimum", Side.LOWEST),
-    Limit("regulator_maximum_added", Side.HIGHEST),
+    Limit("regulator_maximum_added", Side.HIGHEST, added_to="regulator_maximum"),
 )
+#: The same where they do not depend on the voltage, and so bound the regulator's state as they are.
+STATE_LIMITS = tuple(replace(limit, state="regulator_voltage") for limit in LIMITS)
 
 _EXCITER_COLUMNS = (
     "regulator_maximum",

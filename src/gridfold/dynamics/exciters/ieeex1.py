@@ -85,6 +85,6 @@ IEEEX1 = Device(
     defaults=dc_commutator.DEFAULTS,
     guess=dc_commutator.guess,
     check=dc_commutator.check,
-    limits=dc_commutator.LIMITS,
+    limits=dc_commutator.STATE_LIMITS,
     psse_record=DYR_COLUMNS,
 )

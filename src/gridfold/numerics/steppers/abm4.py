@@ -22,6 +22,11 @@ from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.steppers.rk4 import rk4_step
 from gridfold.numerics.watch import Watch, first_watch
 
+#: Weights of the derivatives in predictor and corrector, that at t_n first, in parts of h/24.
+_PREDICTOR, _CORRECTOR = np.array([55, -59, 37, -9]), np.array([19, -5, 1, 0])
+#: Weight of the derivative at the predicted state, and part of the predictor in the new state.
+_IMPLICIT, _MILNE = 9, 19 / 270
+
 
 @dataclass(frozen=True)
 class AdamsBashforthMoulton4:
@@ -36,6 +41,18 @@ class AdamsBashforthMoulton4:
 
     def __post_init__(self) -> None:
         check_step(self.step)
+
+    def growth(self, z: complex) -> float:
+        """Factor by which a step changes y' = lambda y, z = h lambda, in the long run.
+
+        A step is linear in the four states before it; it is the largest root of that recurrence.
+        """
+        old = np.eye(4)[0]
+        predicted = old + z / 24 * _PREDICTOR
+        corrected = old + z / 24 * (_IMPLICIT * predicted + _CORRECTOR)
+        companion = np.eye(4, k=-1, dtype=np.complex128)
+        companion[0] = corrected - _MILNE * (corrected - predicted)
+        return float(np.abs(np.linalg.eigvals(companion)).max())
 
     def integrate(
         self,

@@ -36,6 +36,9 @@ class Stepper(Protocol):
     def step(self) -> float:
         """Time step in seconds."""
 
+    def growth(self, z: complex) -> float:
+        """Factor by which a step h changes the size of y in y' = lambda y, where z = h lambda."""
+
     def integrate(
         self,
         rhs: CompiledRhs,

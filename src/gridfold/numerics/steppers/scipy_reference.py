@@ -31,6 +31,10 @@ class ScipyReference:
     def __post_init__(self) -> None:
         check_step(self.step)
 
+    def growth(self, z: complex) -> float:
+        """1: its own steps are as small as they need to be."""
+        return 1.0
+
     def integrate(
         self,
         rhs: CompiledRhs,

@@ -28,6 +28,8 @@ _TOLERANCE = 1e-8
 _ITERATIONS, _SLOW = 10, 0.3
 #: Steps between two new Jacobians for the sake of speed.
 _PATIENCE = 5
+#: A correction in a state from which an iteration is given up.
+_FAR = 1e6
 #: A step is halved up to this many times; with a tolerance, so often at the start of a segment.
 _HALVINGS, _FIRST_LEVEL = 10, 3
 #: After so many sampling intervals with errors below this part of the tolerance steps are doubled.
@@ -68,6 +70,10 @@ class ImplicitTrapezoidal:
                 f"the tolerance of a time step must lie between 0 and 1, not {self.tolerance!r}"
             )
 
+    def growth(self, z: complex) -> float:
+        """Factor by which a step changes y' = lambda y, z = h lambda; below 1 if Re z is."""
+        return np.inf if z == 2 else abs((2 + z) / (2 - z))
+
     def integrate(
         self,
         rhs: CompiledRhs,
@@ -100,11 +106,14 @@ class _Run:
         step, last = 0, len(times) - 1
         while step < last:
             step, outcome, fired = self._loop(times, states, step, self.packed)
-            if outcome == _Outcome.FAILED and not self._renew(times, states, step):
+            if outcome == _Outcome.FAILED and not self._persist(times, states, step):
                 states[step + 1] = self._divided(times[step : step + 2], states[step])
                 step += 1
                 if not np.isfinite(states[step]).all():
                     return Integration(states[: step + 1], 0)
+                fired = self._fired(states[step])
+            elif outcome == _Outcome.FAILED:
+                step += 1
                 fired = self._fired(states[step])
             elif outcome in (_Outcome.NEW_STEP_SIZE, _Outcome.SLOW):
                 self._renew(times, states, step)
@@ -160,7 +169,9 @@ class _Run:
         """Make the solver for the state and size of a step; False if it is that already."""
         if step >= len(times) - 1:
             return True
-        x, h = states[step], float(times[step + 1] - times[step])
+        return self._make(states[step], float(times[step + 1] - times[step]))
+
+    def _make(self, x: NDArray[np.float64], h: float) -> bool:
         if self.made == (x.tobytes(), h):
             return False
         if self.rhs.solver is not None:
@@ -169,6 +180,29 @@ class _Run:
             self.solver = dense_solver(numerical_jacobian(self.rhs, x), h / 2)
         self.made = (x.tobytes(), h)
         return True
+
+    def _persist(self, times: NDArray[np.float64], states: NDArray[np.float64], step: int) -> bool:
+        """One step with a new Jacobian for each iteration; whether the equation was solved.
+
+        That is what a step needs in which limits begin or end to act.
+        """
+        h = float(times[step + 1] - times[step])
+        x, x_new = states[step], states[step].copy()
+        f = self.rhs(x)
+        size, scale = np.inf, np.maximum(1.0, np.abs(x))
+        for _ in range(_ITERATIONS):
+            residual = x + h / 2 * (f + self.rhs(x_new)) - x_new
+            self._make(x_new, h)
+            assert self.solver is not None
+            correction = self.solver(residual)
+            x_new = x_new + correction
+            before, size = size, float(np.max(np.abs(correction) / scale, initial=0.0))
+            if not size < 4 * before or not size < _FAR:
+                return False
+            if size <= _TOLERANCE:
+                states[step + 1] = self.rhs.held_after_step(x_new)
+                return True
+        return False
 
     def _divided(self, ends: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state after one step in ever more parts, until it can be solved; else not a number."""
@@ -237,7 +271,7 @@ def _solve_step(
         for i in range(n):
             x_new[i] += correction[i]
             size = max(size, abs(correction[i]) / max(1.0, abs(x_new[i])))
-            if not abs(correction[i]) < 1e6:
+            if not abs(correction[i]) < _FAR:
                 return -1.0
         if size <= 0.01 * _TOLERANCE:
             return slowest

@@ -1,0 +1,174 @@
+"""Limits of the units of a model: which of them act, and which bound a state."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.device import Device, Limit
+from gridfold.dynamics.layout import Block
+from gridfold.dynamics.limiting import (
+    NO_LIMIT,
+    acting_limits,
+    bounds_state,
+    limit_symbol,
+    limit_value,
+    tightened,
+)
+from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.case import UnitKey
+
+#: What is within this part of a limit (of 1, for limits of states below 1) is at the limit.
+AT_LIMIT = 1e-6
+
+
+@dataclass(frozen=True)
+class StateLimits:
+    """Limits that bound states as they stand.
+
+    Parameters
+    ----------
+    index : ndarray of int, shape (n,)
+        Position of the state in the state vector; a state may have several limits.
+    bound, side : ndarrays, shape (n,)
+        Value of the limit, and 1 for a highest, -1 for a lowest one.
+    names : tuple of str
+        For example ``"EMAX of sexs 23:1"``.
+    """
+
+    index: NDArray[np.int64]
+    bound: NDArray[np.float64]
+    side: NDArray[np.float64]
+    names: tuple[str, ...]
+
+    def beyond(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far the states `x`, (n_states,), are beyond their limits, negative inside."""
+        return np.asarray(self.side * (x[self.index] - self.bound))
+
+    @property
+    def tolerance(self) -> NDArray[np.float64]:
+        """What counts as being at the limit, shape (n,)."""
+        return np.asarray(AT_LIMIT * np.maximum(np.abs(self.bound), 1.0))
+
+
+def limits_acting(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
+) -> tuple[str, ...]:
+    """Limits of `units` that act at the state `x` (n_states,), by name."""
+    found = limits_along(model, x[None, :], units)
+    return tuple(name for name, acts in found.items() if acts.any())
+
+
+def limits_touched(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
+) -> tuple[str, ...]:
+    """Limits of `units` that act at the state `x` (n_states,), or that it is just at."""
+    acting = limits_acting(model, x, units)
+    near = limits_along(model, x[None, :], units, inwards=AT_LIMIT)
+    return tuple(name for name, acts in near.items() if acts.any() or name in acting)
+
+
+def without_touched(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
+) -> DetailedModel:
+    """The model to linearize at `x`: limits of `units` that it is just at, but not beyond, are away.
+
+    Beside such a limit the derivative is one-sided, and rounding would decide which side is taken.
+    """
+    near = set(limits_touched(model, x, units)) - set(limits_acting(model, x, units))
+    if not near:
+        return model
+    blocks = list(model.layout.blocks)
+    for at, block in enumerate(blocks):
+        parameters = block.parameters.copy()
+        for limit in block.device.limits:
+            row = block.device.parameter_rows.index(limit.parameter)
+            for k, unit in enumerate(block.units):
+                if _name(block.device, limit, unit) in near:
+                    parameters[row, k] = limit.side.value * NO_LIMIT
+        blocks[at] = replace(block, parameters=parameters)
+    return replace(model, layout=replace(model.layout, blocks=tuple(blocks)))
+
+
+def limits_along(
+    model: DetailedModel,
+    states: NDArray[np.float64],
+    units: Collection[UnitKey],
+    inwards: float = 0.0,
+) -> Mapping[str, NDArray[np.bool_]]:
+    """Whether each limit of `units` acts at the states (n_times, n_states): name to (n_times,).
+
+    The limits are taken as they are, or moved inwards by a part of their size.
+    """
+    result: dict[str, NDArray[np.bool_]] = {}
+    blocks = list(_limited(model, units))
+    if not blocks:
+        return result
+    signals = model.signals(states)
+    for block, columns in blocks:
+        x, u, p = _columns(block, columns, signals)
+        acts = acting_limits(block.device, x, u, tightened(block.device, p, inwards))
+        acts = acts.reshape(len(block.device.limits), len(columns), len(signals))
+        for limit, rows in zip(block.device.limits, acts, strict=True):
+            for column, row in zip(columns, rows, strict=True):
+                result[_name(block.device, limit, block.units[column])] = row
+    return result
+
+
+def state_limits(
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    units: Collection[UnitKey],
+    without: Collection[str] = (),
+) -> StateLimits:
+    """Limits of `units` that bound a state, judged about the state `x`; not those named `without`."""
+    found: list[tuple[int, float, int, str]] = []
+    blocks = list(_limited(model, units))
+    signals = model.signals(x[None, :]) if blocks else np.zeros((0, 0))
+    for block, columns in blocks:
+        values = _columns(block, columns, signals)
+        for limit in block.device.limits:
+            bounds = limit_value(block.device, limit, values[2])
+            direct = bounds_state(block.device, limit, *values) & (np.abs(bounds) < NO_LIMIT)
+            for k in np.flatnonzero(direct):
+                name = _name(block.device, limit, block.units[columns[k]])
+                if name not in without:
+                    row = block.device.states.index(str(limit.state))
+                    index = int(block.state_index[row, columns[k]])
+                    found.append((index, float(bounds[k]), limit.side.value, name))
+    return StateLimits(
+        np.array([index for index, *_ in found], dtype=np.int64),
+        np.array([bound for _, bound, *_ in found], dtype=float),
+        np.array([side for *_, side, _ in found], dtype=float),
+        tuple(name for *_, name in found),
+    )
+
+
+def _limited(model: DetailedModel, units: Collection[UnitKey]) -> Iterator[tuple[Block, list[int]]]:
+    """Blocks with limits, and which of their columns are among `units` and in service."""
+    wanted = set(units) - set(model.state.units_out)
+    for block in model.layout.blocks:
+        columns = [k for k, unit in enumerate(block.units) if unit in wanted]
+        if block.device.limits and columns:
+            yield block, columns
+
+
+def _columns(
+    block: Block, columns: list[int], signals: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """States, inputs and parameters of some units along signals (n_times, n_signals).
+
+    One column for each unit and time, all times of a unit in a row.
+    """
+    states, inputs = (
+        np.ascontiguousarray(signals.T[index[:, columns]].reshape(len(index), -1))
+        for index in (block.state_index, block.inputs)
+    )
+    return states, inputs, np.repeat(block.parameters[:, columns], len(signals), axis=1)
+
+
+def _name(device: Device, limit: Limit, unit: UnitKey) -> str:
+    return f"{limit_symbol(device, limit)} of {device.model} {unit}"
