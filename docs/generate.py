@@ -6,6 +6,7 @@ All of them are written into ``docs/_generated``, which no one edits and which i
 from __future__ import annotations
 
 import re
+import textwrap
 import types
 import typing
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import gridfold
-from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling
+from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
+from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
@@ -93,6 +95,7 @@ _EVENT_FIELDS = {
 }
 
 _BOUNDS = {Bound.ANY: "any", Bound.NOT_NEGATIVE: "≥ 0", Bound.POSITIVE: "> 0"}
+_SYMBOLS = {"THETAP": r"\theta_P", "dVRMAX": r"\Delta V_{\mathrm{RMAX}}"}
 _SCALINGS = {Scaling.NONE: "none", Scaling.POWER: "$\\times k$", Scaling.IMPEDANCE: "$\\div k$"}
 
 
@@ -101,8 +104,8 @@ def write_all(docs: Path) -> None:
     _require_complete_api(docs / "reference" / "api.md")
     folder = docs / "_generated"
     folder.mkdir(exist_ok=True)
-    for role in Role:
-        _write(folder / f"devices-{role.name.lower()}.md", device_tables(role))
+    for device in DEVICES.values():
+        _write(folder / f"device-{device.model}.md", device_tables(device))
     _write(folder / "tables.md", case_tables())
     _write(folder / "events.md", event_tables())
     for name, (command, level) in MADE_ELSEWHERE.items():
@@ -113,12 +116,6 @@ def write_all(docs: Path) -> None:
         _write(folder / "changes.md", changelog.read_text(encoding="utf-8"))
     else:
         _write(folder / "changes.md", "# Changes\n\nThere is no change log yet.\n")
-
-
-def device_tables(role: Role) -> str:
-    """Parameters and signals of every device model of a role."""
-    models = [device for device in DEVICES.values() if device.role is role]
-    return "\n".join(_device(device) for device in models) or "None so far.\n"
 
 
 def case_tables() -> str:
@@ -143,15 +140,17 @@ def event_tables() -> str:
     return "\n".join(parts)
 
 
-def _device(device: Device) -> str:
-    lines = [
-        f"### {device.title[0].upper()}{device.title[1:]}\n",
-        f"File: `devices/{device.model}.csv`\n",
-        _table(
-            ("Column", "Symbol", "Unit", "Range", "Default", "To system base"),
-            [_parameter_row(parameter) for parameter in device.parameters],
-        ),
-    ]
+def device_tables(device: Device) -> str:
+    """Parameters, PSS/E record and signals of a device model."""
+    head = ["Column", "Symbol", "Unit", "Range", "Default", "To system base"]
+    places = _record_places(device)
+    if places:
+        head.append("DYR")
+    rows = [_parameter_row(parameter, places) for parameter in device.parameters]
+    lines = ["## Parameters\n", f"File: `devices/{device.model}.csv`\n", _table(head, rows)]
+    if places:
+        lines.append(_record(device))
+    lines.append("## Names\n")
     for label, names in (
         ("States", device.states),
         ("Inputs", device.inputs),
@@ -162,32 +161,67 @@ def _device(device: Device) -> str:
     ):
         if names:
             lines.append(f"{label}\n: " + ", ".join(f"`{name}`" for name in names) + "\n")
+    if device.limits:
+        lines.append(
+            "Limits\n: " + ", ".join(_limit(device, limit) for limit in device.limits) + "\n"
+        )
     return "\n".join(lines)
 
 
-def _parameter_row(parameter: Parameter) -> tuple[str, ...]:
-    default = "required" if parameter.default is None else f"{parameter.default:g}"
+def _record_places(device: Device) -> dict[str, int]:
+    """Place of each parameter among the numbers of the PSS/E record, from 1."""
+    return {name: k for k, name in enumerate(device.psse_record, start=1) if name}
+
+
+def _record(device: Device) -> str:
+    """The PSS/E record with the symbols of its numbers."""
+    symbols = {parameter.name: parameter.symbol for parameter in device.parameters}
+    numbers = [symbols[name] if name else "-" for name in device.psse_record]
+    text = f"BUS '{device.model.upper()}' ID {' '.join(numbers)} /"
+    lines = textwrap.wrap(text, 88, subsequent_indent="    ", break_on_hyphens=False)
+    unused = "" if all(device.psse_record) else " The number at `-` is not used."
     return (
+        "The column DYR counts the numbers behind the id in a PSS/E record."
+        + unused
+        + "\n\n```text\n"
+        + "\n".join(lines)
+        + "\n```\n"
+    )
+
+
+def _parameter_row(parameter: Parameter, places: dict[str, int]) -> list[str]:
+    row = [
         f"`{parameter.name}`",
         symbol(parameter.symbol),
         parameter.unit,
         _BOUNDS[parameter.bound],
-        default,
+        "required" if parameter.default is None else f"{parameter.default:g}",
         _SCALINGS[parameter.scaling],
-    )
+    ]
+    return [*row, str(places.get(parameter.name, ""))] if places else row
+
+
+def _limit(device: Device, limit: Limit) -> str:
+    text = symbol(limit_symbol(device, limit))
+    return text if limit.state is None else f"{text} (of `{limit.state}`)"
 
 
 def symbol(text: str) -> str:
     """A symbol such as ``X'd`` or ``TA`` in mathematical notation."""
-    parts = []
-    for part in text.split("/"):
-        match = re.fullmatch(r"([A-Za-z])('*)(\w*)(\([\d.]+\))?", part)
-        if match is None:
-            raise ValueError(f"cannot typeset the symbol {text!r}")
-        letter, primes, index, argument = match.groups()
-        subscript = rf"_{{\mathrm{{{index}}}}}" if index else ""
-        parts.append(f"{letter}{primes}{subscript}{argument or ''}")
-    return "$" + " / ".join(parts) + "$"
+    return "$" + " / ".join(_typeset(part) for part in text.split("/")) + "$"
+
+
+def _typeset(text: str) -> str:
+    if text in _SYMBOLS:
+        return _SYMBOLS[text]
+    match = re.fullmatch(r"([A-Za-z])('*)(\w*)(\([\d.]+\))?", text)
+    if match is None:
+        raise ValueError(f"cannot typeset the symbol {text!r}")
+    letter, primes, index, argument = match.groups()
+    if len(index) > 1 and index[0].isalpha():
+        index = rf"\mathrm{{{index}}}"
+    subscript = rf"_{{{index}}}" if index else ""
+    return f"{letter}{primes}{subscript}{argument or ''}"
 
 
 def _field_rows(record_type: type, meanings: dict[str, str]) -> Iterator[tuple[str, ...]]:

@@ -48,6 +48,22 @@ def families(limited) -> dict[str, SmallModels]:
 
 
 @pytest.fixture(scope="module")
+def wide(npcc) -> gf.DetailedModel:
+    return gf.build_model(npcc_with_sexs(npcc, 1000.0))
+
+
+@pytest.fixture(scope="module")
+def wide_families(wide) -> dict[str, SmallModels]:
+    return {kind: family_of(wide, kind) for kind in ("partitioned", "whole")}
+
+
+@pytest.fixture(scope="module")
+def at_limit(npcc) -> gf.DetailedModel:
+    """A machine whose start is just between its limits."""
+    return gf.build_model(npcc_with_sexs(npcc, 0.0, ["71:1"]))
+
+
+@pytest.fixture(scope="module")
 def detailed(limited) -> gf.Trajectory:
     return gf.simulate(limited, [FAULT], T_END)
 
@@ -109,10 +125,9 @@ def test_the_detailed_model_stays_for_the_dwell_time_at_least(limited, families)
 
 @KINDS
 @RULES
-def test_limits_far_away_change_nothing(npcc, kind, angle_deg):
-    model = gf.build_model(npcc_with_sexs(npcc, 1000.0))
-    small = family_of(model, kind)
-    run, careless = (run_with(model, small, angle_deg, limits) for limits in (True, False))
+def test_limits_far_away_change_nothing(wide, wide_families, kind, angle_deg):
+    small = wide_families[kind]
+    run, careless = (run_with(wide, small, angle_deg, limits) for limits in (True, False))
     watched = [len(piece.segment.switches) for piece in run.trajectory.run.pieces]
     free = [len(piece.segment.switches) for piece in careless.trajectory.run.pieces]
     assert sum(watched) > sum(free)
@@ -159,21 +174,19 @@ def test_a_limit_that_bounds_no_state_is_seen_between_phases_and_told_after_the_
 
 
 @KINDS
-def test_an_operating_point_at_a_limit_is_told_and_does_not_stop_the_linear_model(npcc, kind):
-    model = gf.build_model(npcc_with_sexs(npcc, 0.0, ["71:1"]))
-    small = family_of(model, kind)
+def test_an_operating_point_at_a_limit_is_told_and_does_not_stop_the_linear_model(at_limit, kind):
+    small = family_of(at_limit, kind)
     assert set(small.family.at_limits) == {"EMIN of sexs 71:1", "EMAX of sexs 71:1"}
-    run = simulate_adaptive(model, small, SwitchingRule(INFINITE), t_end=1.0)
+    run = simulate_adaptive(at_limit, small, SwitchingRule(INFINITE), t_end=1.0)
     assert [switch.after for switch in run.switches] == [Mode.LINEAR]
     (text,) = limit_texts(run)
     assert "operating point" in text
     assert "EMAX of sexs 71:1" in text
 
 
-def test_a_family_that_has_moved_tells_the_limits_of_its_new_operating_point(npcc):
+def test_a_family_that_has_moved_tells_the_limits_of_its_new_operating_point(wide, wide_families):
     step = [gf.LoadStep(3, time=0.5, active_mw=100.0)]
-    small = family_of(gf.build_model(npcc_with_sexs(npcc, 1000.0, ["71:1"])), "whole")
-    model = small.family.parts.model
+    model, small = wide, wide_families["whole"]
     after = simulate_adaptive(model, small, SwitchingRule(6.0), step, 1.0).trajectory.models[-1]
     moved = small.family_for(after)
     assert moved is not None
@@ -184,7 +197,7 @@ def test_a_family_that_has_moved_tells_the_limits_of_its_new_operating_point(npc
     needed = {"field_voltage_maximum": float(moved.origin[slot])}
     devices = tuple(
         replace(record, parameters={**record.parameters, **needed})
-        if record.model == "sexs"
+        if (record.model, str(record.key)) == ("sexs", "71:1")
         else record
         for record in model.case.devices
     )
@@ -203,11 +216,10 @@ def test_the_regulator_of_a_commutator_exciter_is_watched(npcc):
     assert any("VRMAX of ieeet1 71:1" in reason for reason in reasons)
 
 
-def test_limits_at_the_operating_point_belong_to_a_saved_reduction_too(npcc, tmp_path):
-    model = gf.build_model(npcc_with_sexs(npcc, 0.0, ["71:1"]))
-    family = reduce_external(parts_of(model))
+def test_limits_at_the_operating_point_belong_to_a_saved_reduction_too(at_limit, tmp_path):
+    family = reduce_external(parts_of(at_limit))
     save_reduced(tmp_path / "area.npz", family)
-    assert load_reduced(tmp_path / "area.npz", model).family.at_limits == family.at_limits != ()
+    assert load_reduced(tmp_path / "area.npz", at_limit).family.at_limits == family.at_limits != ()
 
 
 def test_of_many_limits_the_first_are_named():

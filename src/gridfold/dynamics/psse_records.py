@@ -16,7 +16,7 @@ A model that gridfold does not have is never replaced in silence. By default it 
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -28,17 +28,19 @@ from gridfold.dynamics.psse_parameters import (
     named_parameters,
     source_impedance,
 )
-from gridfold.dynamics.psse_replacements import Replacement, Tally, replacement
+from gridfold.dynamics.psse_replacements import Tally, replacement
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
 from gridfold.grid.case import Case, DeviceRecord, UnitKey
 from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+from gridfold.grid.replacement import Replacement
 
 _CLASSICAL = "gencls"
 _INFINITE_BUS = "infinite_bus"
 _USER_WRITTEN = "user-written models"
 _ONLY_USER_WRITTEN = "no dynamic data but user-written models"
-_NO_DATA = "no dynamic data"
+#: What a replacement names where a generator has no machine in the file.
+NO_DATA = "no dynamic data"
 _NEGATIVE_LOAD = "negative load"
 _ONE_EACH = {
     "machines": (Kind.MACHINE, Kind.CONVERTER),
@@ -88,12 +90,15 @@ class PsseDevices:
         Records without effect, such as those of units out of service, in words.
     origins : mapping of str to str
         File and line of each device record, by its name.
+    idle : mapping of str to int
+        Number of records of units out of service or not in the network, by model.
     """
 
     records: tuple[DeviceRecord, ...]
     replaced: tuple[Replacement, ...] = ()
     skipped: tuple[str, ...] = ()
     origins: Mapping[str, str] = field(default_factory=dict)
+    idle: Mapping[str, int] = field(default_factory=dict)
 
 
 def device_records(
@@ -142,11 +147,12 @@ def device_records(
     if faults:
         raise CaseError(faults, data.file)
     for unit in units.lacking:
-        units.make_negative_load(unit, _NO_DATA, _NEGATIVE_LOAD)
+        units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
         units.leave_out(record)
     notices = (*records.notices(), *units.notices)
-    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins)
+    idle = Counter(record.model for record in records.ignored)
+    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins, idle)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""What became of records of dynamics data that were not taken over as they are, in figures."""
+"""Counts what became of records of dynamics data that were not taken over as they are."""
 
 from __future__ import annotations
 
@@ -8,51 +8,7 @@ from dataclasses import dataclass, field
 
 from gridfold.dynamics.psse_models import LOAD_SUFFIXES, Kind, kind_of
 from gridfold.grid.case import Case, Load, UnitKey
-
-
-@dataclass(frozen=True)
-class Replacement:
-    """What became of the records of one model.
-
-    Parameters
-    ----------
-    model : str
-        Name in PSS/E.
-    outcome : str
-        What became of them.
-    units : tuple of UnitKey
-        Bus and id of each record.
-    active_mw : float
-        Stored power of these units in service in MW, magnitudes added up; for load models, of loads.
-    share : float
-        Part of all generation, or of all load, in service.
-    of : str
-        ``"generation"`` or ``"load"``.
-    """
-
-    model: str
-    outcome: str
-    units: tuple[UnitKey, ...]
-    active_mw: float = 0.0
-    share: float = 0.0
-    of: str = "generation"
-
-    @property
-    def count(self) -> int:
-        """Number of records."""
-        return len(self.units)
-
-    @property
-    def extent(self) -> str:
-        """Number, power and the first unit, in words."""
-        power = f", {self.active_mw:.1f} MW ({self.share:.1%} of {self.of})"
-        words = [power] if self.active_mw else []
-        if self.count == 1:
-            return "".join([f"1 record at {self.units[0]}", *words])
-        return "".join([f"{self.count} records", *words, f", first {self.units[0]}"])
-
-    def __str__(self) -> str:
-        return f"{self.model}: {self.outcome}; {self.extent}"
+from gridfold.grid.replacement import Replacement
 
 
 def replacement(case: Case, model: str, outcome: str, units: Sequence[UnitKey]) -> Replacement:
@@ -65,8 +21,8 @@ def replacement(case: Case, model: str, outcome: str, units: Sequence[UnitKey]) 
         of = "load"
         loads = [load for load in case.loads if load.in_service]
         covered = [load for load in loads if any(_covers(case, model, u, load) for u in units)]
-        touched = sum(abs(load.active_mw) for load in covered)
-        total = sum(abs(load.active_mw) for load in loads)
+        touched = sum(abs(case.stored_power(load).real) for load in covered)
+        total = sum(abs(case.stored_power(load).real) for load in loads)
     return Replacement(model, outcome, tuple(units), touched, touched / total if total else 0.0, of)
 
 

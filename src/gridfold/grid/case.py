@@ -13,6 +13,8 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from gridfold.grid.replacement import Replacement
+
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
 
 
@@ -57,7 +59,7 @@ class Load:
     """A load: constant power, current and impedance in the power flow.
 
     The power drawn at voltage V (p.u.) is ``active_mw + current_active_mw V + impedance_active_mw
-    V^2``, reactive power likewise. In the dynamics its solved power is a constant impedance.
+    V^2``, reactive power likewise. What it is in the dynamics is said when the model is built.
     """
 
     bus: int
@@ -69,6 +71,13 @@ class Load:
     current_reactive_mvar: float = field(default=0.0, metadata=_LATER)
     impedance_active_mw: float = field(default=0.0, metadata=_LATER)
     impedance_reactive_mvar: float = field(default=0.0, metadata=_LATER)
+
+    def power(self, voltage_pu: float) -> complex:
+        """Active and reactive power drawn at a voltage, in MVA."""
+        steady = complex(self.active_mw, self.reactive_mvar)
+        current = complex(self.current_active_mw, self.current_reactive_mvar)
+        impedance = complex(self.impedance_active_mw, self.impedance_reactive_mvar)
+        return steady + current * voltage_pu + impedance * voltage_pu**2
 
     def __str__(self) -> str:
         return f"load {self.bus}:{self.id}"
@@ -167,8 +176,10 @@ class Case:
     """A grid: its network, its operating point and its dynamic devices.
 
     `origins` tells for a record's name (``str(record)``) the file and line it came from.
-    `unsupported` has a line for every record of the file that could not be taken over, `notices` one
-    for what was left out or changed without loss. None of the three has a part in comparisons.
+    `unsupported` has a line for every record of the network that could not be taken over, `notices`
+    one for what was left out or changed without loss. `replacements` tells what became of dynamic data
+    that are not there as in the file, `file_counts` how many records of each kind the file of the
+    network holds. None of the five has a part in comparisons.
     """
 
     name: str
@@ -185,6 +196,8 @@ class Case:
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)
+    replacements: tuple[Replacement, ...] = field(default=(), compare=False)
+    file_counts: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def bus_index(self) -> dict[int, int]:
@@ -208,6 +221,10 @@ class Case:
             digest.update(repr((device.model, device.key, parameters)).encode())
         digest.update(repr((self.base_mva, self.frequency_hz)).encode())
         return digest.hexdigest()
+
+    def stored_power(self, load: Load) -> complex:
+        """What a load draws at the stored voltage of its bus, in MVA."""
+        return load.power(self.buses[self.bus_index[load.bus]].voltage_pu)
 
     def locate(self, record: Record) -> str:
         """Name of `record`, with the file and line it came from where that is known."""

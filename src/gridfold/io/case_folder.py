@@ -14,6 +14,7 @@ from typing import Any
 from gridfold.errors import CaseFileError
 from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt
 from gridfold.grid.validation import require_valid
+from gridfold.io.rapid_mat import read_rapid
 from gridfold.io.tables import (
     Table,
     parse_row,
@@ -48,12 +49,13 @@ def built_in_cases() -> list[str]:
 
 
 def load_case(source: str | Path) -> Case:
-    """Load a case by the name of a built-in one or from a folder.
+    """Load a case by the name of a built-in one, from a folder or from a MATLAB file of RAPID.
 
     Parameters
     ----------
     source : str or Path
-        ``"npcc"``, ``"npcc-pst"``, or a folder with ``case.toml`` and CSV tables.
+        ``"npcc"``, ``"npcc-pst"``, a folder with ``case.toml`` and CSV tables, or a file with the
+        suffix ``.mat`` (:mod:`gridfold.io.rapid_mat`).
 
     Raises
     ------
@@ -62,6 +64,8 @@ def load_case(source: str | Path) -> Case:
     CaseError
         The data are wrong; lists every fault.
     """
+    if str(source).lower().endswith(".mat") and not Path(source).is_dir():
+        return read_rapid(source)
     case = _read_case(_resolve(str(source), Path.cwd(), str(source)), depth=0)
     require_valid(case)
     return case

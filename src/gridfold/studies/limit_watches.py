@@ -47,8 +47,8 @@ class LinearLimits:
     def reached(self, x: NDArray[np.float64], inside: bool) -> tuple[str, ...]:
         """Names of the limits in the way of the small model at the whole system's state `x`.
 
-        With `inside` it has to be inside the limits, before and after restriction to the small
-        model; without, it must not be beyond them.
+        With `inside` it has to be inside the limits and none may act, before and after restriction
+        to the small model; without, it must not be beyond them.
         """
         coordinates = self.small.coordinates
         states = [x, coordinates.lift(coordinates.restrict(x))] if inside else [x]
@@ -61,7 +61,8 @@ class LinearLimits:
             )
             if beyond > slack
         }
-        return (*sorted(found), *self._acting(np.array(states), self.others))
+        names = self.others | set(self.direct.names) if inside else self.others
+        return tuple(sorted(found | set(self._acting(np.array(states), names))))
 
     def passed(self, piece: Piece, all_of_them: bool) -> dict[str, float]:
         """Limits that a linear phase passed, and when (s): all, or those that are not watched."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
-from gridfold.dynamics.psse_replacements import Replacement
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
+from gridfold.grid.replacement import Replacement
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
 

@@ -3,7 +3,7 @@
 PSS/E Model Library, GENCLS; Kundur, Power System Stability and Control, 1994, section 13.1. The
 dynamics record has H and D alone; the impedance ZR + j ZX is that of the generator in the power-flow
 file. The kernels are those of the classical machine: its swing equation is 2 H dw/dt = Pm - Pe - D dw,
-which differs from that of GENROU in the square of the speed deviation only.
+which damps less than that of GENROU, by about Pm per unit of speed deviation.
 """
 
 from __future__ import annotations

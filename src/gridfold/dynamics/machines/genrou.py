@@ -231,7 +231,7 @@ def above_leakage(parameters: Mapping[str, float], named: Named) -> Iterator[str
     """A fault where a transient reactance equals the leakage reactance."""
     name, symbol = named
     if parameters[name] == parameters["leakage_reactance"]:
-        yield f"{name} ({symbol}) {parameters[name]!r} must be greater than leakage_reactance (Xl)"
+        yield f"{name} ({symbol}) {parameters[name]!r} must differ from leakage_reactance (Xl)"
 
 
 def rising_saturation(parameters: Mapping[str, float]) -> Iterator[str]:
