@@ -2,9 +2,10 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PEERS := .venv-peers
 SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml')
 
-.PHONY: demo test lint docs bench clean
+.PHONY: demo test lint docs bench bench-peers clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -27,8 +28,12 @@ docs: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run_all.py
 
+# gridfold beside other tools, on the cases that GRIDFOLD_CASES names.
+bench-peers: $(VENV)/.dev $(PEERS)/.ready
+	PYTHONPATH=benchmarks $(BIN)/python benchmarks/peers/compare_andes.py
+
 clean:
-	rm -rf $(VENV) build docs/_build docs/_generated gridfold-demo
+	rm -rf $(VENV) $(PEERS) build docs/_build docs/_generated gridfold-demo
 
 $(VENV)/bin/pip:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gridfold needs Python 3.11 or later")'
@@ -42,4 +47,16 @@ $(VENV)/.demo: $(VENV)/bin/pip $(SOURCES)
 # The checks need the development extra, with the package in place.
 $(VENV)/.dev: $(VENV)/bin/pip pyproject.toml
 	$(BIN)/pip install --quiet --editable '.[dev]'
+	touch $@
+
+# Every line of the requirements becomes an environment, named by the version of its first package.
+# Nothing of gridfold imports from them; ANDES keeps the code that it generates in its own.
+$(PEERS)/.ready: benchmarks/peers/requirements.txt
+	rm -rf $(PEERS)
+	grep -v '^#' $< | while read -r tool others; do \
+		home="$(CURDIR)/$(PEERS)/$${tool#*==}"; \
+		$(PYTHON) -m venv "$$home" && \
+		"$$home/bin/pip" install --quiet "$$tool" $$others && \
+		HOME="$$home" "$$home/bin/andes" prep >/dev/null || exit 1; \
+	done
 	touch $@

@@ -29,6 +29,7 @@ MADE_ELSEWHERE = {
     "reproduction": ("python benchmarks/reproduce_page.py", 2),
     "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
     "verdicts": ("python benchmarks/verdicts.py", 2),
+    "peers": ("make bench-peers", 2),
 }
 
 _TABLES: dict[str, type] = {
