@@ -112,9 +112,8 @@ def difference(rough: Outcome, fine: Outcome, t_end: float = np.inf) -> Error:
 
 def environments() -> dict[str, Path]:
     """Folders of the environments with ANDES, by version."""
-    return {
-        folder.parents[1].name: folder.parents[1] for folder in ENVIRONMENTS.glob("*/bin/andes")
-    }
+    homes = sorted(command.parents[1] for command in ENVIRONMENTS.glob("*/bin/andes"))
+    return {home.name: home for home in homes}
 
 
 def run_andes(
