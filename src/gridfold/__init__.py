@@ -42,7 +42,7 @@ from gridfold.grid.events import (
     MachineTrip,
 )
 from gridfold.grid.validation import validate_case
-from gridfold.io.case_folder import built_in_cases, load_case
+from gridfold.io.case_folder import built_in_cases
 from gridfold.io.event_records import load_events
 from gridfold.numerics.steppers import (
     AdamsBashforthMoulton4,
@@ -68,6 +68,8 @@ from gridfold.studies.clearing_time import (
 )
 from gridfold.studies.compare import Comparison, compare
 from gridfold.studies.error_budget import error_budget
+from gridfold.studies.method import choose_stepper
+from gridfold.studies.psse import load_case, load_psse
 from gridfold.studies.reduced import reduce_external as reduce
 from gridfold.studies.reduced import whole_system
 from gridfold.studies.saved import load_reduced, save_reduced
@@ -133,12 +135,14 @@ __all__ = [
     "build_model",
     "built_in_cases",
     "calibrate",
+    "choose_stepper",
     "compare",
     "critical_clearing_time",
     "critical_clearing_times",
     "error_budget",
     "load_case",
     "load_events",
+    "load_psse",
     "load_reduced",
     "partition",
     "reduce",

@@ -34,12 +34,18 @@ class CaseError(GridfoldError):
         Every fault found, one line each.
     where : str
         The case or file in which they were found.
+    advice : sequence of str
+        Options that would make something else of them.
     """
 
-    def __init__(self, faults: Sequence[str] | str, where: str = "case"):
+    def __init__(
+        self, faults: Sequence[str] | str, where: str = "case", advice: Sequence[str] = ()
+    ):
         self.faults = [faults] if isinstance(faults, str) else list(faults)
+        self.advice = tuple(advice)
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
-        super().__init__(f"{where}: {count}\n" + "\n".join(f"  {fault}" for fault in self.faults))
+        listed = "\n".join(f"  {fault}" for fault in self.faults)
+        super().__init__("\n".join([f"{where}: {count}", listed, *self.advice]))
 
 
 class CaseFileError(CaseError):

@@ -183,6 +183,8 @@ def test_a_generator_without_machine_data_becomes_a_negative_load(tmp_path):
     case = read_rapid(written(tmp_path, content))
     assert case.devices[-1] == gf.DeviceRecord("negative_load", 3, "1")
     assert "without machine data, so negative loads: 3:1" in case.notices
+    (replaced,) = case.replacements
+    assert (replaced.outcome, replaced.units) == ("negative load", (gf.UnitKey(3, "1"),))
     assert len(gf.build_model(case).machines) == 2
 
 

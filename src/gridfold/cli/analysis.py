@@ -8,37 +8,42 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from rich.markup import escape
 
 from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
     parse_buses,
+    say_basis,
     say_method,
     speaks_to_people,
     stage_bars,
     write_json_option,
 )
 from gridfold.cli.options import (
-    CaseArgument,
+    CaseOptions,
     JsonOption,
     RunOptions,
     WorkersOption,
     run_option,
 )
-from gridfold.dynamics.model import build_model
 from gridfold.grid.events import BusFault
-from gridfold.io.case_folder import load_case
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
 from gridfold.report.tables import (
     area_table,
+    area_tie_table,
     case_facts,
     clearing_table,
     device_table,
     facts_table,
+    flow_facts,
     mode_table,
     model_facts,
+    shortened,
 )
+from gridfold.studies.basis import basis_of
+from gridfold.studies.case_info import CaseInfo, area_ties
 from gridfold.studies.clearing_time import ClearingTime, critical_clearing_times
 from gridfold.studies.simulate import simulate
 from gridfold.studies.small_signal import SmallSignal, small_signal
@@ -51,40 +56,83 @@ class ModeOrder(Enum):
     REAL = "real"
 
 
-def info(case: CaseArgument, json: JsonOption = None) -> None:
+def info(source: CaseOptions, json: JsonOption = None) -> None:
     """Print what a case consists of, its operating point and its dynamic devices.
 
-    Example: gridfold info npcc
+    Of files of PSS/E and MATPOWER also what gridfold has no model for, which is no error here.
+
+    Examples: gridfold info npcc
+
+              gridfold info grid.raw grid.dyr
     """
-    data = load_case(case)
-    model = build_model(data)
-    residual = float(np.abs(model.compiled(model.x0)).max())
-    write_json_option(
-        json,
-        {
-            "case": data.name,
-            "fingerprint": data.fingerprint,
-            "buses": len(data.buses),
-            "branches": len(data.branches),
-            "generators": len(data.generators),
-            "loads": len(data.loads),
-            "shunts": len(data.shunts),
-            "machines": len(model.machines),
-            "states": model.n_states,
-            "power_flow_mismatch": model.power_flow.mismatch,
-            "losses_mw": model.power_flow.losses_mw,
-            "equilibrium_residual": residual,
-            "warnings": list(model.warnings),
-        },
-    )
+    found = source.examine()
+    write_json_option(json, _info_record(found))
     if speaks_to_people(json):
-        out.print(facts_table(case_facts(data) | model_facts(model, residual)))
-        out.print(area_table(data))
-        out.print(device_table(data))
+        _print_info(found)
+
+
+def _info_record(found: CaseInfo) -> dict[str, Any]:
+    case, flow, model = found.case, found.power_flow, found.model
+    return {
+        "case": case.name,
+        "fingerprint": case.fingerprint,
+        "file_counts": dict(case.file_counts),
+        "buses": len(case.buses),
+        "branches": len(case.branches),
+        "generators": len(case.generators),
+        "loads": len(case.loads),
+        "shunts": len(case.shunts),
+        "areas": sorted({bus.area for bus in case.buses}),
+        "tie_lines": [
+            {
+                "from_bus": tie.branch.from_bus,
+                "to_bus": tie.branch.to_bus,
+                "circuit": tie.branch.circuit,
+                "areas": list(tie.areas),
+            }
+            for tie in area_ties(case)
+        ],
+        "device_models": [item._asdict() for item in found.models],
+        "skipped": [{"line": item.line, "text": item.text} for item in found.skipped],
+        "missing": list(found.basis.missing),
+        "power_flow_mismatch": None if flow is None else flow.mismatch,
+        "losses_mw": None if flow is None else flow.losses_mw,
+        "machines": None if model is None else len(model.machines),
+        "states": None if model is None else model.n_states,
+        "equilibrium_residual": None if model is None else model.residual,
+        "warnings": [] if model is None else list(model.warnings),
+        "trouble": found.trouble,
+        **found.basis.record(),
+    }
+
+
+def _print_info(found: CaseInfo) -> None:
+    case, flow, model = found.case, found.power_flow, found.model
+    facts = case_facts(case)
+    if model is not None:
+        facts |= model_facts(model, model.residual)
+    elif flow is not None:
+        why = "does not start" if found.trouble else "none, for lack of dynamic data"
+        facts |= flow_facts(flow) | {"Dynamic model": why}
+    else:
+        facts["Power flow"] = "does not converge"
+    out.print(facts_table(facts))
+    out.print(area_table(case))
+    if ties := area_ties(case):
+        out.print(area_tie_table(ties))
+    if found.models:
+        out.print(device_table(found.models))
+    if found.skipped:
+        skipped = [f"line {item.line}: {item.text}" for item in found.skipped]
+        lines = "\n".join(escape(line) for line in shortened(skipped))
+        out.print(facts_table({f"Skipped records ({len(skipped)})": lines}))
+    say_basis(found.basis)
+    for line in filter(None, (found.trouble, *found.advice)):
+        out.print(line, style="yellow", markup=False, highlight=False)
 
 
 def eigenvalues(
-    case: CaseArgument,
+    source: CaseOptions,
     count: Annotated[int, typer.Option(min=1, help="Modes in the table.")] = 20,
     order: Annotated[
         ModeOrder,
@@ -99,26 +147,29 @@ def eigenvalues(
     """
     if plot is not None:
         check_format(plot)
-    data = load_case(case)
-    modes = small_signal(build_model(data))
+    model = source.build()
+    basis = basis_of(model)
+    modes = small_signal(model)
     if plot is not None:
-        plot_eigenvalues(modes, data.name, plot)
+        plot_eigenvalues(modes, model.case.name, plot)
     listed = [k for k, value in enumerate(modes.eigenvalues) if value.imag >= 0]
     if order is ModeOrder.DAMPING:
         oscillating = [k for k in listed if modes.eigenvalues[k].imag > 0]
         shown = sorted(oscillating, key=lambda k: modes.damping_ratio[k])[:count]
     else:
         shown = listed[:count]
-    write_json_option(json, {"case": data.name, "modes": [_mode_record(modes, k) for k in listed]})
+    record = {"case": model.case.name, "fingerprint": model.case.fingerprint, **basis.record()}
+    write_json_option(json, record | {"modes": [_mode_record(modes, k) for k in listed]})
     if speaks_to_people(json):
         out.print(mode_table(modes, shown))
         rightmost = modes.rightmost
         text = f"Rightmost eigenvalue apart from the common angle: {rightmost.real:+.6f}"
         out.print(text + (f" ± {abs(rightmost.imag):.6f}j" if rightmost.imag else ""))
+        say_basis(basis)
 
 
 def cct(
-    case: CaseArgument,
+    source: CaseOptions,
     buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
     runs: RunOptions,
     choice: ModelChoice,
@@ -135,9 +186,10 @@ def cct(
     """
     faults = [BusFault(bus) for bus in parse_buses(buses)]
     criterion = runs.criterion
-    grid = build_model(load_case(case))
+    grid = source.build()
+    basis = basis_of(grid)
     method = runs.choose(grid)
-    simulator = choice.build(grid, case) or simulate
+    simulator = choice.build(grid, source.case) or simulate
     with stage_bars() as bars:
         times = critical_clearing_times(
             grid,
@@ -152,13 +204,14 @@ def cct(
             simulator=simulator,
         )
     name = choice.model.value
-    told = {"model": name} | method.record()
+    told = {"model": name} | method.record() | basis.record()
     write_json_option(json, [_clearing_record(item) | told for item in times])
     if speaks_to_people(json):
         out.print(clearing_table(times))
         out.print(
             f"Synchronism is lost at {criterion}; runs of {runs.t_end:g} s on the {name} model."
         )
+        say_basis(basis)
         say_method(method.reason)
 
 

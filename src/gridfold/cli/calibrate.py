@@ -15,6 +15,7 @@ from gridfold.cli.console import (
     as_ranges,
     out,
     parse_buses,
+    say_basis,
     say_method,
     speaks_to_people,
     stage_bars,
@@ -25,19 +26,19 @@ from gridfold.cli.options import (
     AngleNormOptions,
     AreaOptions,
     BoundaryOptions,
-    CaseArgument,
+    CaseOptions,
     JsonOption,
     ReductionOptions,
     RunOptions,
     WorkersOption,
 )
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
-from gridfold.dynamics.model import DetailedModel, build_model
+from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.events import BusFault, Event
-from gridfold.io.case_folder import load_case
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
+from gridfold.studies.basis import basis_of
 from gridfold.studies.calibrate import Calibration, Threshold, ThresholdKind
 from gridfold.studies.calibrate import calibrate as run_calibration
 from gridfold.studies.clearing_time import critical_clearing_times
@@ -58,7 +59,7 @@ _KINDS = {choice: ThresholdKind[choice.name] for choice in ThresholdChoice}
 
 
 def calibrate(
-    case: CaseArgument,
+    source: CaseOptions,
     area: AreaOptions,
     runs: RunOptions,
     boundary: BoundaryOptions,
@@ -95,9 +96,9 @@ def calibrate(
     reducer = reduction.build()
     events = [parse_event(text) for text in event or []]
     faulted = None if buses is None else parse_buses(buses)
-    model = build_model(load_case(case))
+    model = source.build()
     method = runs.choose(model)
-    parts = partition(model, area.find(model.case, case))
+    parts = partition(model, area.find(model.case, source.case))
     if faulted is None:
         faulted = [] if events else sorted(parts.study_buses)
     with stage_bars() as bars:
@@ -119,6 +120,7 @@ def calibrate(
     write_json_option(json, _record(parts, result, reducer) | method.record())
     if speaks_to_people(json):
         _print(result)
+        say_basis(basis_of(model))
         say_method(method.reason)
     if any(found.value is None for found in result.thresholds.values()):
         raise typer.Exit(ExitCode.FAILED)
@@ -221,6 +223,7 @@ def _record(parts: Partition, result: Calibration, reducer: Reducer) -> dict[str
     return {
         "case": case.name,
         "fingerprint": case.fingerprint,
+        **basis_of(parts.model).record(),
         "study_buses": as_ranges(parts.study_buses),
         "limit_deg": result.limit_deg,
         "column_norm": result.column_norm,

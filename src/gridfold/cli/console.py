@@ -23,6 +23,8 @@ from rich.progress import (
 
 from gridfold.errors import OptionError
 from gridfold.io.results import write_json
+from gridfold.report.tables import basis_facts, facts_table
+from gridfold.studies.basis import Basis
 from gridfold.systems.status import Status
 
 out = Console()
@@ -92,6 +94,14 @@ def speaks_to_people(json_path: str | None) -> bool:
 def say_method(reason: str) -> None:
     """Tell which integration rule was chosen, and why."""
     out.print(f"Method {reason}", style="dim", markup=False, highlight=False)
+
+
+def say_basis(basis: Basis) -> None:
+    """Tell what a result rests on beside the data, and whether that is validated."""
+    out.print(facts_table(basis_facts(basis)))
+    if not basis.validated:
+        text = f"not validated: {'; '.join(basis.doubts)}"
+        out.print(text, style="bold yellow", markup=False, highlight=False)
 
 
 class StageBars:

@@ -5,18 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from gridfold.cli.console import parse_buses
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
-from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.initialize import OnLimit
+from gridfold.dynamics.model import DetailedModel, build_model
+from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.partition import Coupling, study_buses
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
+from gridfold.studies.case_info import CaseInfo, examine_case, examine_files
 from gridfold.studies.method import Choice, Method, choose_stepper
+from gridfold.studies.psse import is_network_file, load_case
 from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
 from gridfold.studies.synchronism import SynchronismCriterion
 
@@ -24,17 +30,108 @@ from gridfold.studies.synchronism import SynchronismCriterion
 _STUDY_AREAS = {"npcc": (1,), "npcc-pst": (1,)}
 _TOLERANCE = 1e-5
 
+_case_option = partial(typer.Option, rich_help_panel="Case")
 run_option = partial(typer.Option, rich_help_panel="Runs")
 model_option = partial(typer.Option, rich_help_panel="Model")
 _area_option = partial(typer.Option, rich_help_panel="Study area")
 _reduction_option = partial(typer.Option, rich_help_panel="Reduction")
 _switching_option = partial(typer.Option, rich_help_panel="Switching")
 
-CaseArgument = Annotated[
-    str, typer.Argument(help="A built-in case (npcc, npcc-pst) or a case folder.")
-]
 JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
 WorkersOption = Annotated[int | None, run_option(min=1, help="Threads.", show_default="one a core")]
+
+
+class NoData(Enum):
+    """What becomes of generators without dynamic data."""
+
+    ERROR = "error"
+    NEGATIVE_LOAD = "negative-load"
+
+
+@dataclass(frozen=True)
+class CaseOptions:
+    """The case, and what is made of what gridfold has no model for."""
+
+    case: Annotated[
+        str,
+        typer.Argument(
+            help="A built-in case (npcc, npcc-pst), a case folder, or a file: .raw (PSS/E), .m "
+            "(MATPOWER), .mat (RAPID)."
+        ),
+    ]
+    dyr: Annotated[
+        Path | None, typer.Argument(help="Dynamic data of PSS/E (.dyr) for that file.")
+    ] = None
+    loads: Annotated[
+        str,
+        _case_option(
+            metavar="z|raw|P,I,Z",
+            help="Loads: constant impedances, as in the case, or shares of constant power, current "
+            "and impedance.",
+        ),
+    ] = "z"
+    on_limit: Annotated[
+        OnLimit,
+        _case_option(help="Where the start is beyond a device's limit: refuse, or move the limit."),
+    ] = OnLimit.ERROR
+    unsupported: Annotated[
+        Unsupported,
+        _case_option(
+            help="Dynamic models that gridfold does not have: refuse; replace machines by GENCLS, "
+            "converters by negative loads; or replace both by negative loads. The rest is left out."
+        ),
+    ] = Unsupported.ERROR
+    no_data: Annotated[
+        NoData, _case_option(help="Generators without dynamic data: refuse, or negative loads.")
+    ] = NoData.ERROR
+    allow_unsupported_network: Annotated[
+        bool,
+        _case_option(
+            "--allow-unsupported-network", help="Leave out what the network has no model for."
+        ),
+    ] = False
+
+    def __post_init__(self) -> None:
+        LoadModel.parse(self.loads)
+
+    @property
+    def load_model(self) -> LoadModel:
+        """How loads depend on voltage."""
+        return LoadModel.parse(self.loads)
+
+    def load(self) -> Case:
+        """The case."""
+        return load_case(
+            self.case,
+            self.dyr,
+            unsupported=self.unsupported,
+            without_data=WithoutData[self.no_data.name],
+            allow_unsupported_network=self.allow_unsupported_network,
+        )
+
+    def build(self, backend: NetworkBackend = NetworkBackend.AUTO) -> DetailedModel:
+        """The detailed model of the case."""
+        if self.dyr is None and is_network_file(self.case):
+            raise OptionError(
+                f"{self.case} holds the network alone; the file with its dynamic data (.dyr) comes "
+                "after it"
+            )
+        return build_model(
+            self.load(), backend=backend, on_limit=self.on_limit, loads=self.load_model
+        )
+
+    def examine(self) -> CaseInfo:
+        """The case as far as it goes."""
+        if not is_network_file(self.case, self.dyr):
+            return examine_case(self.load(), self.load_model, self.on_limit)
+        return examine_files(
+            self.case,
+            self.dyr,
+            self.load_model,
+            self.on_limit,
+            self.unsupported,
+            WithoutData[self.no_data.name],
+        )
 
 
 class ReducerKind(Enum):

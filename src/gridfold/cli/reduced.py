@@ -9,10 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from gridfold.cli.choice import ExternalOptions, model_settings
-from gridfold.cli.console import as_ranges, out, speaks_to_people, write_json_option
-from gridfold.cli.options import AreaOptions, CaseArgument, JsonOption, NormOptions
-from gridfold.dynamics.model import build_model
-from gridfold.io.case_folder import load_case
+from gridfold.cli.console import as_ranges, out, say_basis, speaks_to_people, write_json_option
+from gridfold.cli.options import AreaOptions, CaseOptions, JsonOption, NormOptions
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition import partition as divide
 from gridfold.report.tables import (
@@ -23,12 +21,13 @@ from gridfold.report.tables import (
     reduction_facts,
     tie_table,
 )
+from gridfold.studies.basis import basis_of
 from gridfold.studies.reduced import ReducedExternal
 from gridfold.studies.saved import reducer_record, save_reduced
 
 
 def partition(
-    case: CaseArgument,
+    source: CaseOptions,
     area: AreaOptions,
     norm: NormOptions,
     json: JsonOption = None,
@@ -37,8 +36,8 @@ def partition(
 
     Example: gridfold partition npcc --study-buses 1-36
     """
-    model = build_model(load_case(case))
-    parts = divide(model, area.find(model.case, case))
+    model = source.build()
+    parts = divide(model, area.find(model.case, source.case))
     coupling = couple(parts)
     threshold = norm.per_unit(coupling)
     write_json_option(json, _partition_record(parts, coupling, threshold))
@@ -47,10 +46,11 @@ def partition(
         out.print(facts_table(partition_facts(parts, coupling, threshold, buses)))
         out.print(tie_table(parts))
         out.print(norm_table(coupling, threshold))
+        say_basis(basis_of(model))
 
 
 def reduce(
-    case: CaseArgument,
+    source: CaseOptions,
     external: ExternalOptions,
     save: Annotated[Path | None, typer.Option(help="Write the reduced model (.npz).")] = None,
     json: JsonOption = None,
@@ -59,9 +59,9 @@ def reduce(
 
     Example: gridfold reduce npcc --study-buses 1-36 --save npcc.npz
     """
-    model = build_model(load_case(case))
+    model = source.build()
     began = time.perf_counter()
-    family, norm = external.reduce(model, case)
+    family, norm = external.reduce(model, source.case)
     seconds = time.perf_counter() - began
     if save is not None:
         save_reduced(save, family, norm)
@@ -71,6 +71,7 @@ def reduce(
         out.print(facts_table(reduction_facts(family, norm, buses, seconds)))
         if save is not None:
             out.print(facts_table({"Saved as": str(save)}))
+        say_basis(basis_of(model))
 
 
 def _partition_record(parts: Partition, coupling: Coupling, norm: float) -> dict[str, Any]:
@@ -83,6 +84,7 @@ def _partition_record(parts: Partition, coupling: Coupling, norm: float) -> dict
     return {
         "case": case.name,
         "fingerprint": case.fingerprint,
+        **basis_of(model).record(),
         "study": {
             "buses": sorted(parts.study_buses),
             "machines": [str(unit) for unit in parts.study_units],
@@ -124,6 +126,7 @@ def _reduction_record(family: ReducedExternal, norm: float, seconds: float) -> d
     return {
         "case": case.name,
         "fingerprint": case.fingerprint,
+        **basis_of(family.parts.model).record(),
         **model_settings(family.parts, norm, family.kept),
         "reducer": reducer_record(family.reducer),
         "states": len(family.area.index),

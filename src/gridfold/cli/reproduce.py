@@ -13,7 +13,7 @@ from gridfold.cli.console import out, speaks_to_people, stage_bars, write_json_o
 from gridfold.cli.options import JsonOption
 from gridfold.dynamics.model import build_model
 from gridfold.grid.events import BusFault
-from gridfold.io.case_folder import load_case
+from gridfold.io.case_folder import read_case
 from gridfold.report.reproduction import reproduction_tables
 from gridfold.report.reproduction_figures import plot_map, plot_rotor_angles, plot_switches
 from gridfold.studies import published
@@ -74,7 +74,7 @@ def reproduce(
 
     Example: gridfold reproduce all --json reproduction.json --out figures
     """
-    study = prepare(build_model(load_case("npcc")))
+    study = prepare(build_model(read_case("npcc")))
     calibrated = part is Part.ALL if calibration is None else calibration
     result = _tables(study, part, clearing)
     if calibrated and result.table1 is not None:

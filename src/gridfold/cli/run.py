@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from gridfold.cli.choice import ModelChoice, ModelKind
@@ -16,17 +15,18 @@ from gridfold.cli.console import (
     EXIT_CODES,
     exit_code,
     out,
+    say_basis,
     say_method,
     speaks_to_people,
     write_json_option,
 )
-from gridfold.cli.options import CaseArgument, JsonOption, RunOptions, run_option
+from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import NetworkBackend
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
-from gridfold.io.case_folder import load_case
+from gridfold.io.case_folder import read_case
 from gridfold.io.event_records import load_events, parse_event
 from gridfold.report.plots import plot_trajectory
 from gridfold.report.style import check_format
@@ -36,8 +36,10 @@ from gridfold.report.tables import (
     model_facts,
     notice_table,
     run_facts,
+    shortened,
     swing_table,
 )
+from gridfold.studies.basis import basis_of
 from gridfold.studies.clearing_time import critical_clearing_time
 from gridfold.studies.simulate import simulate as run_simulation
 from gridfold.studies.summary import Summary, summarize
@@ -153,8 +155,8 @@ def demo(
 ) -> None:
     """Simulate a three-phase fault at bus 3 of the built-in NPCC system, print and draw it."""
     began = time.perf_counter()
-    model = build_model(load_case("npcc"))
-    out.print(facts_table(case_facts(model.case) | model_facts(model, _residual(model))))
+    model = build_model(read_case("npcc"))
+    out.print(facts_table(case_facts(model.case) | model_facts(model, model.residual)))
     fault = BusFault(bus=3, start=1.0, duration=0.2)
     run = run_simulation(model, [fault], t_end=16.0)
     critical = critical_clearing_time(model, BusFault(bus=3))
@@ -171,7 +173,7 @@ def demo(
 
 
 def simulate(
-    case: CaseArgument,
+    source: CaseOptions,
     events: EventOptions,
     runs: RunOptions,
     choice: ModelChoice,
@@ -196,11 +198,11 @@ def simulate(
         raise OptionError("--compare needs a reduced model, see --model")
     if budget and not choice.partitioned:
         raise OptionError("--budget needs a model with a reduced external area, see --model")
-    grid = build_model(load_case(case), backend=network)
+    grid = source.build(network)
     method = runs.choose(grid)
     ready = time.perf_counter()
     task = Disturbance(grid, happenings, runs.t_end, method, criterion)
-    result = task.solve(choice.build(grid, case), compare or budget, budget)
+    result = task.solve(choice.build(grid, source.case), compare or budget, budget)
     run = result.run
     results.write(result)
     summary = summarize(run)
@@ -218,10 +220,13 @@ simulate.__doc__ = _SIMULATE_HELP
 
 
 def _print_run(run: Trajectory, summary: Summary) -> None:
-    for warning in run.model.warnings:
-        out.print(f"warning: {warning}", style="yellow", markup=False)
+    basis = basis_of(run.model)
+    warned = [line for line in run.model.warnings if not line.endswith(basis.limits_moved)]
+    for line in shortened(warned):
+        out.print(f"warning: {line}", style="yellow", markup=False)
     out.print(swing_table(summary))
     out.print(facts_table(run_facts(run, summary)))
+    say_basis(basis)
 
 
 def _run_record(run: Trajectory, summary: Summary, setup_seconds: float) -> dict[str, Any]:
@@ -238,7 +243,3 @@ def _run_record(run: Trajectory, summary: Summary, setup_seconds: float) -> dict
         "swings": [asdict(swing) | {"unit": str(swing.unit)} for swing in summary.swings],
     }
     return record
-
-
-def _residual(model: Any) -> float:
-    return float(np.abs(model.compiled(model.x0)).max())

@@ -41,6 +41,7 @@ from gridfold.powerflow.result import PowerFlowResult
 
 #: Residual of the equilibrium below which nothing is said, and above which the model is refused.
 RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
+_LIMIT_MOVED = "limit moved to the start: "
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,17 @@ class DetailedModel:
     def n_states(self) -> int:
         """Length of the state vector."""
         return self.layout.n_states
+
+    @property
+    def residual(self) -> float:
+        """The largest derivative at the start, which should be zero."""
+        return float(np.abs(self.compiled(self.x0)).max(initial=0.0))
+
+    @property
+    def limits_moved(self) -> tuple[str, ...]:
+        """Limits of devices that were moved to the start, in words."""
+        moved = (line for line in self.warnings if line.startswith(_LIMIT_MOVED))
+        return tuple(line.removeprefix(_LIMIT_MOVED) for line in moved)
 
     @cached_property
     def machines(self) -> tuple[UnitKey, ...]:
@@ -225,7 +237,7 @@ def build_model(
     state = initial_state(case)
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
-    moved = (f"limit moved to the start: {line}" for line in start.adjusted)
+    moved = (_LIMIT_MOVED + line for line in start.adjusted)
     warnings = (*doubts(case, devices), *moved, *_check_equilibrium(start, compiled))
     return DetailedModel(
         solved,

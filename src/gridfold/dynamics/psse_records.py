@@ -16,7 +16,7 @@ A model that gridfold does not have is never replaced in silence. By default it 
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -42,6 +42,14 @@ _ONLY_USER_WRITTEN = "no dynamic data but user-written models"
 #: What a replacement names where a generator has no machine in the file.
 NO_DATA = "no dynamic data"
 _NEGATIVE_LOAD = "negative load"
+_REPLACE = (
+    '--unsupported classical (unsupported="classical") replaces machines by GENCLS and converters by '
+    "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads"
+)
+_ABSORB = (
+    '--no-data negative-load (without_data="negative_load") makes generators without a machine '
+    "negative loads"
+)
 _ONE_EACH = {
     "machines": (Kind.MACHINE, Kind.CONVERTER),
     "exciters": (Kind.EXCITER,),
@@ -90,15 +98,12 @@ class PsseDevices:
         Records without effect, such as those of units out of service, in words.
     origins : mapping of str to str
         File and line of each device record, by its name.
-    idle : mapping of str to int
-        Number of records of units out of service or not in the network, by model.
     """
 
     records: tuple[DeviceRecord, ...]
     replaced: tuple[Replacement, ...] = ()
     skipped: tuple[str, ...] = ()
     origins: Mapping[str, str] = field(default_factory=dict)
-    idle: Mapping[str, int] = field(default_factory=dict)
 
 
 def device_records(
@@ -134,8 +139,11 @@ def device_records(
     records = _sort(case, data, psse_devices(devices))
     units = _Units(case, records, devices, unsupported)
     faults = list(records.role_faults())
+    advice: list[str] = []
     if unsupported is Unsupported.ERROR:
-        faults += records.unsupported_faults(case)
+        missing = list(records.unsupported_faults(case))
+        faults += missing
+        advice += [_REPLACE] if missing else []
     for generator in case.generators:
         if generator.in_service:
             units.convert(generator.key)
@@ -144,15 +152,15 @@ def device_records(
         extent = replacement(case, "", "", units.lacking).extent.replace("record", "generator")
         listed = ", ".join(str(unit) for unit in units.lacking)
         faults.append(f"no machine for generators in service: {extent}: {listed}")
+        advice.append(_ABSORB)
     if faults:
-        raise CaseError(faults, data.file)
+        raise CaseError(faults, data.file, advice)
     for unit in units.lacking:
         units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
         units.leave_out(record)
     notices = (*records.notices(), *units.notices)
-    idle = Counter(record.model for record in records.ignored)
-    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins, idle)
+    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins)
 
 
 @dataclass

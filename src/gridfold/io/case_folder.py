@@ -48,8 +48,8 @@ def built_in_cases() -> list[str]:
     return sorted(folder.parent.name for folder in _BUILT_IN.glob("*/case.toml"))
 
 
-def load_case(source: str | Path) -> Case:
-    """Load a case by the name of a built-in one, from a folder or from a MATLAB file of RAPID.
+def read_case(source: str | Path) -> Case:
+    """Read a case by the name of a built-in one, from a folder or from a MATLAB file of RAPID.
 
     Parameters
     ----------
@@ -82,8 +82,11 @@ def _resolve(source: str, base: Path, where: str) -> Path:
             raise CaseFileError(f"{folder} has no case.toml", where)
     except (OSError, RuntimeError) as error:  # name too long, no such user ...
         raise CaseFileError(f"{source!r} cannot be read: {error}", where) from None
+    built_in = ", ".join(built_in_cases())
     raise CaseFileError(
-        f"{source!r} is neither a built-in case ({', '.join(built_in_cases())}) nor a folder", where
+        f"{source!r} is neither a built-in case ({built_in}) nor a folder, nor a file with the suffix "
+        ".raw, .m or .mat",
+        where,
     )
 
 

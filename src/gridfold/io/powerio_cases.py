@@ -47,12 +47,25 @@ _SECTIONS = {  # sections of a RAW file by powerio's table
     "hvdc": ("TWO-TERMINAL DC",),
 }
 _NOT_NEEDED = {"ZONE", "OWNER", "INTER-AREA TRANSFER", "MULTI-SECTION LINE", "SUBSTATION"}
+_COUNTED = {  # names of sections whose records are counted for people
+    "BUS": "buses",
+    "LOAD": "loads",
+    "GENERATOR": "generators",
+    "BRANCH": "lines",
+    "TRANSFORMER": "two-winding transformers",
+    THREE_WINDING: "three-winding transformers",
+    "FIXED SHUNT": "fixed shunts",
+    "SWITCHED SHUNT": "switched shunts",
+    "SYSTEM SWITCHING DEVICE": "switching devices",
+    "TWO-TERMINAL DC": "two-terminal dc lines",
+}
 _HARMLESS = {  # findings of powerio: solver options, remote control, what convert_network looks at
     "READ.PSSE.FIELD_DROPPED",
     "READ.PSSE.REFERENCE_DROPPED",
     "READ.PSSE.RETAINED_SOURCE_ONLY",
 }
 _DEFAULTED = "READ.PSSE.VALUE_DEFAULTED"
+_ADVICE = "--allow-unsupported-network (allow_unsupported_network=True) reads the file without them"
 
 
 def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
@@ -91,11 +104,11 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
         case,
         unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
         notices=(*_default_notices(diagnostics), *case.notices),
+        file_counts=_matpower_counts(data) if sections is None else _raw_counts(sections),
     )
     if case.unsupported and not allow_unsupported:
-        advice = "allow_unsupported=True reads the file without them"
         faults = [f"not supported: {line}" for line in case.unsupported]
-        raise CaseFileError([*faults, advice], str(path))
+        raise CaseFileError(faults, str(path), [_ADVICE])
     if faults := validate_case(case):
         raise CaseFileError(faults, str(path))
     return case
@@ -131,6 +144,25 @@ def _parse(
     if document.get("version") != 2 or not isinstance(data, dict) or "buses" not in data:
         raise CaseFileError("not a network", str(path))
     return data, diagnostics
+
+
+def _raw_counts(sections: RawSections) -> dict[str, int]:
+    """Records of the file by what they are; of dc links and rarer things only where there are some."""
+    counts = {name: len(sections.of(section)) for section, name in _COUNTED.items()}
+    usual = [*counts][: [*counts].index("switching devices")]
+    return {name: count for name, count in counts.items() if count or name in usual}
+
+
+def _matpower_counts(data: Mapping[str, Any]) -> dict[str, int]:
+    transformers = sum(float(row["tap"]) != 0 for row in data["branches"])
+    return {
+        "buses": len(data["buses"]),
+        "loads": len(data["loads"]),
+        "generators": len(data["generators"]),
+        "lines": len(data["branches"]) - transformers,
+        "two-winding transformers": transformers,
+        "fixed shunts": len(data["shunts"]),
+    }
 
 
 def _unsupported_findings(diagnostics: Sequence[powerio.Diagnostic]) -> list[str]:

@@ -33,7 +33,8 @@ Decisions:
 - A generator without a row in ``GenData`` becomes a negative load.
 - Isolated buses, and islands with nothing but buses, are left out.
 
-``Case.notices`` has a line for each of these that concerns the file.
+``Case.notices`` has a line for each of these that concerns the file, ``Case.replacements`` the negative
+loads in service.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ from gridfold.grid.case import (
     Shunt,
     UnitKey,
 )
+from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_draft import Draft, islands_without_slack, without_buses
 
@@ -136,10 +138,22 @@ def read_rapid(path: str | Path) -> Case:
         origins=draft.origins,
     )
     case = _without_dead_buses(case, tables, draft.notices)
-    case = replace(case, notices=(*draft.notices, *_notices(tables)))
+    notices = (*draft.notices, *_notices(tables))
+    case = replace(case, notices=notices, replacements=_negative_loads(case))
     if faults := validate_case(case):
         raise CaseFileError(faults, str(path))
     return case
+
+
+def _negative_loads(case: Case) -> tuple[Replacement, ...]:
+    """What the negative loads in service touch."""
+    power = {g.key: abs(g.active_mw) for g in case.generators if g.in_service}
+    units = [d.key for d in case.devices if d.model == "negative_load" and d.key in power]
+    if not units:
+        return ()
+    touched, total = sum(power[unit] for unit in units), sum(power.values())
+    share = touched / total if total else 0.0
+    return (Replacement("no machine data", "negative load", tuple(units), touched, share),)
 
 
 def _read_tables(path: Path) -> tuple[dict[str, Table], float]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from rich.markup import escape
 from rich.table import Table
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import Case, UnitKey
 from gridfold.partition import Coupling, Partition
+from gridfold.powerflow import PowerFlowResult
 from gridfold.studies.adaptive import Switch
+from gridfold.studies.basis import Basis
+from gridfold.studies.case_info import AreaTie, ModelCount
 from gridfold.studies.clearing_time import ClearingTime
 from gridfold.studies.compare import Comparison
 from gridfold.studies.error_budget import ErrorBudget
@@ -36,9 +40,9 @@ def facts_table(facts: Mapping[str, str]) -> Table:
 def case_facts(case: Case) -> dict[str, str]:
     """What a case consists of."""
     transformers = sum(b.ratio != 1 or b.shift_deg != 0 for b in case.branches)
-    load = sum(load.active_mw for load in case.loads if load.in_service)
+    load = sum(case.stored_power(load).real for load in case.loads if load.in_service)
     return {
-        "Case": f"{case.name}: {case.description}" if case.description else case.name,
+        "Case": escape(f"{case.name}: {case.description}" if case.description else case.name),
         "Buses": str(len(case.buses)),
         "Branches": f"{len(case.branches)} ({transformers} with an off-nominal ratio or shift)",
         "Generators": str(len(case.generators)),
@@ -46,7 +50,13 @@ def case_facts(case: Case) -> dict[str, str]:
         "Shunts": str(len(case.shunts)),
         "Base": f"{case.base_mva:g} MVA, {case.frequency_hz:g} Hz",
         "Fingerprint": case.fingerprint[:16],
-    }
+    } | file_facts(case)
+
+
+def file_facts(case: Case) -> dict[str, str]:
+    """Records of the file by kind, of a case that comes from a file of planners."""
+    listed = ", ".join(f"{count} {name}" for name, count in case.file_counts.items())
+    return {"Records of the file": listed} if listed else {}
 
 
 def area_table(case: Case) -> Table:
@@ -65,31 +75,83 @@ def area_table(case: Case) -> Table:
         for number in (area[branch.from_bus], area[branch.to_bus])
     )
     for number, count in sorted(Counter(area.values()).items()):
-        load = sum(item.active_mw for item in case.loads if area[item.bus] == number)
+        loads = (item for item in case.loads if item.in_service and area[item.bus] == number)
+        load = sum(case.stored_power(item).real for item in loads)
         name = case.area_names.get(number, "")
         table.add_row(
-            str(number), name, str(count), str(units[number]), f"{load:,.1f}", str(ties[number])
+            str(number),
+            escape(name),
+            str(count),
+            str(units[number]),
+            f"{load:,.1f}",
+            str(ties[number]),
         )
     return table
 
 
-def device_table(case: Case) -> Table:
-    """Device models and how many units have each."""
+def area_tie_table(ties: Sequence[AreaTie], shown: int = 12) -> Table:
+    """The first branches between areas."""
+    table = Table(title=f"{len(ties)} tie lines between areas", title_justify="left")
+    for name in ("from bus", "to bus", "circuit", "areas"):
+        table.add_column(name, justify="right")
+    for branch, (first, second) in ties[:shown]:
+        buses = str(branch.from_bus), str(branch.to_bus)
+        table.add_row(*buses, escape(branch.circuit), f"{first} - {second}")
+    if len(ties) > shown:
+        table.caption = f"and {len(ties) - shown} more, see --json"
+        table.caption_justify = "left"
+    return table
+
+
+def device_table(models: Sequence[ModelCount]) -> Table:
+    """Device models, how many records each has, and whether gridfold has it."""
     table = Table(title="Dynamic devices", title_justify="left")
     table.add_column("model")
-    table.add_column("units", justify="right")
-    for model, count in Counter(record.model for record in case.devices).items():
-        table.add_row(model, str(count))
+    table.add_column("kind")
+    table.add_column("records", justify="right")
+    table.add_column("in gridfold")
+    for item in models:
+        known = "yes" if item.implemented else "no"
+        style = None if item.implemented else "yellow"
+        table.add_row(escape(item.model), item.kind, str(item.records), known, style=style)
     return table
+
+
+def shortened(lines: Sequence[str], shown: int = 5) -> list[str]:
+    """The first lines, and how many more there are."""
+    more = [f"... and {len(lines) - shown} more (all of them with --json)"]
+    return [*lines[:shown], *(more if len(lines) > shown else [])]
+
+
+def basis_facts(basis: Basis) -> dict[str, str]:
+    """What results rest on beside the data; rows only for what there is."""
+    facts = {"Loads": str(basis.loads)}
+    for name, lines in (
+        ("Replaced", [str(item) for item in basis.replacements]),
+        ("Limits moved", basis.limits_moved),
+        ("Unsupported", basis.unsupported),
+        ("Missing", basis.missing),
+        ("Notes", basis.notices),
+    ):
+        if lines:
+            count = f" ({len(lines)})" if len(lines) > 1 else ""
+            told = lines if name == "Missing" else shortened(lines)
+            facts[name + count] = "\n".join(escape(line) for line in told)
+    return facts
+
+
+def flow_facts(flow: PowerFlowResult) -> dict[str, str]:
+    """Operating point."""
+    generation = flow.unit_power.sum().real * flow.case.base_mva
+    return {
+        "Power flow": f"{flow.iterations} iterations, largest mismatch {flow.mismatch:.1e} p.u.",
+        "Generation": f"{generation:,.1f} MW, losses {flow.losses_mw:,.1f} MW",
+    }
 
 
 def model_facts(model: DetailedModel, residual: float) -> dict[str, str]:
     """Operating point and size of a detailed model."""
-    flow = model.power_flow
-    generation = flow.unit_power.sum().real * model.case.base_mva
-    return {
-        "Power flow": f"{flow.iterations} iterations, largest mismatch {flow.mismatch:.1e} p.u.",
-        "Generation": f"{generation:,.1f} MW, losses {flow.losses_mw:,.1f} MW",
+    return flow_facts(model.power_flow) | {
         "Dynamic model": f"{model.n_states} states, {len(model.machines)} machines",
         "Equilibrium": f"largest derivative {residual:.1e}",
     }

@@ -1,4 +1,4 @@
-"""Load a grid from PSS/E files: network and operating point from RAW, devices from DYR."""
+"""Load a case from any source: gridfold's own, PSS/E's RAW and DYR, MATPOWER, RAPID."""
 
 from __future__ import annotations
 
@@ -10,21 +10,27 @@ from typing import TypeVar
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
+from gridfold.grid.dynamic_records import DynamicData
 from gridfold.grid.replacement import Replacement
+from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
 
 Choice = TypeVar("Choice", bound=Enum)
 
+#: Suffixes of networks that other programs have written.
+NETWORK_SUFFIXES = (".raw", ".m")
+_DYNAMICS_SUFFIX = ".dyr"
+
 
 @dataclass(frozen=True)
 class LoadedCase:
-    """A case from planners' files, and what was done to it.
+    """A case from planners' files, and what was done to it, which the case tells too.
 
     Parameters
     ----------
     case : Case
-        Its `unsupported` repeats the replacements in words, its `notices` the notices.
+        The case.
     replacements : tuple of Replacement
         Dynamic models that were replaced or left out on request.
     notices : tuple of str
@@ -34,6 +40,61 @@ class LoadedCase:
     case: Case
     replacements: tuple[Replacement, ...] = ()
     notices: tuple[str, ...] = ()
+
+
+def load_case(
+    source: str | Path,
+    dyr: str | Path | None = None,
+    *,
+    unsupported: Unsupported | str = Unsupported.ERROR,
+    without_data: WithoutData | str = WithoutData.ERROR,
+    allow_unsupported_network: bool = False,
+) -> Case:
+    """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
+
+    Parameters
+    ----------
+    source : str or Path
+        ``"npcc"``, ``"npcc-pst"``, a folder with ``case.toml`` and CSV tables, a RAW file of PSS/E
+        (``.raw``, revisions 31 to 35), a MATPOWER case (``.m``, a network without devices) or a
+        MATLAB file of RAPID (``.mat``, :mod:`gridfold.io.rapid_mat`).
+    dyr : str or Path, optional
+        Dynamic data of PSS/E (``.dyr``) for the network; without them it has no devices.
+    unsupported : {"error", "classical", "drop"}
+        What to do with models in these data that gridfold does not have.
+    without_data : {"error", "negative_load"}
+        What to do with generators in service that have no machine in these data.
+    allow_unsupported_network : bool
+        Leave out what gridfold has no model for in the network.
+
+    Raises
+    ------
+    CaseError
+        A file is missing or cannot be read, or its data are wrong or not supported; lists every fault.
+    OptionError
+        An option has an unknown value, or the files do not go together.
+    """
+    if not is_network_file(source, dyr):
+        return read_case(source)
+    return load_psse(
+        source,
+        dyr,
+        unsupported=unsupported,
+        without_data=without_data,
+        allow_unsupported_network=allow_unsupported_network,
+    ).case
+
+
+def is_network_file(source: str | Path, dyr: str | Path | None = None) -> bool:
+    """Whether `source` is a RAW or MATPOWER file, by its suffix; checks that `dyr` goes with it."""
+    suffix = Path(source).suffix.lower()
+    if suffix == _DYNAMICS_SUFFIX:
+        raise OptionError(f"{source} holds dynamic data alone; the RAW file comes before it")
+    if dyr is not None and Path(dyr).suffix.lower() != _DYNAMICS_SUFFIX:
+        raise OptionError(f"dynamic data come from a file with the suffix .dyr, not from {dyr}")
+    if dyr is not None and suffix not in NETWORK_SUFFIXES:
+        raise OptionError(f"{dyr} needs a RAW file (.raw) before it, not {source}")
+    return suffix in NETWORK_SUFFIXES
 
 
 def load_psse(
@@ -52,12 +113,8 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported : {"error", "classical", "drop"}
-        What to do with dynamic models that gridfold does not have.
-    without_data : {"error", "negative_load"}
-        What to do with generators in service that have no machine in the dynamic data.
-    allow_unsupported_network : bool
-        Leave out what gridfold has no model for in the network.
+    unsupported, without_data, allow_unsupported_network
+        As in :func:`gridfold.load_case`.
 
     Raises
     ------
@@ -69,17 +126,26 @@ def load_psse(
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
     case = read_network(raw, allow_unsupported_network)
-    if dyr is None:
-        return LoadedCase(case, (), case.notices)
-    found = device_records(case, read_dyr(dyr), unsupported=on_unsupported, without_data=on_lacking)
-    case = replace(
+    if dyr is not None:
+        case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
+    return LoadedCase(case, case.replacements, case.notices)
+
+
+def with_devices(
+    case: Case,
+    data: DynamicData,
+    unsupported: Unsupported = Unsupported.ERROR,
+    without_data: WithoutData = WithoutData.ERROR,
+) -> Case:
+    """The network `case` with the devices of `data`; raises as :func:`load_psse`."""
+    found = device_records(case, data, unsupported=unsupported, without_data=without_data)
+    return replace(
         case,
         devices=found.records,
         origins={**case.origins, **found.origins},
-        unsupported=(*case.unsupported, *(str(item) for item in found.replaced)),
         notices=(*case.notices, *found.skipped),
+        replacements=found.replaced,
     )
-    return LoadedCase(case, found.replaced, case.notices)
 
 
 def _choice(name: str, kind: type[Choice], value: Choice | str) -> Choice:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea, Outputs
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network import LoadModel
 from gridfold.dynamics.unit_limits import limits_touched
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer, Reduction
+from gridfold.studies.basis import basis_of
 from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.statemap import StateMap
@@ -83,6 +85,7 @@ def save_reduced(
         "kept_exactly": family.reduction.kept_exactly,
         "outputs": family.outputs.value,
         "coupling": family.boundary.value,
+        **basis_of(family.parts.model).record(),
     }
     write_reduced(Path(path), ReducedFile(header, _arrays(family)))
 
@@ -111,6 +114,11 @@ def _check_case(content: ReducedFile, model: DetailedModel, path: str | Path) ->
         raise OptionError(
             f"{path}: the reduced model belongs to case {header['case']} with fingerprint "
             f"{header['fingerprint'][:16]}, not to case {case.name} with {case.fingerprint[:16]}"
+        )
+    loads = header.get("load_model", LoadModel().text)
+    if loads != model.loads.text:
+        raise OptionError(
+            f"{path}: the reduced model has loads {loads}, the model of the case {model.loads.text}"
         )
     names = content.arrays.get("state_names", np.array([])).tolist()
     x0 = content.arrays.get("x0", np.array([]))

@@ -22,6 +22,7 @@ from gridfold.io.results import write_csv, write_npz, write_parquet
 from gridfold.numerics.steppers import Stepper
 from gridfold.simulation.run import Run
 from gridfold.simulation.segment import Piece
+from gridfold.studies.basis import basis_of
 from gridfold.studies.notices import Notice
 from gridfold.studies.synchronism import SynchronismCriterion, angle_frame
 from gridfold.systems.status import Status
@@ -248,6 +249,7 @@ class Trajectory:
             "steps": self.run.step_count,
             "notices": [notice._asdict() for notice in self.notices],
             "warnings": list(self.model.warnings),
+            **basis_of(self.model).record(),
         }
 
     # What the methods above share.

@@ -78,6 +78,13 @@ class LoadModel:
             )
         return cls(parts)
 
+    @property
+    def text(self) -> str:
+        """What :meth:`parse` makes it from."""
+        if self.shares is None:
+            return "raw"
+        return "z" if self.shares == (0, 0, 1) else ",".join(f"{s:g}" for s in self.shares)
+
     def __str__(self) -> str:
         if self.shares is None:
             return "as in the case"
