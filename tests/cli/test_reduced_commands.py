@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 import gridfold as gf
-from gridfold.cli.console import as_ranges, parse_buses
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.studies.saved import save_reduced
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
@@ -493,4 +493,4 @@ def test_help_shows_options_by_group(command):
 
 @pytest.mark.parametrize("text", ["1-36", "3", "3,7", "1-2,5,9-12,140"])
 def test_ranges_of_numbers_are_text_and_back(text):
-    assert as_ranges(parse_buses(text)) == text
+    assert as_ranges(parse_numbers(text)) == text

@@ -13,7 +13,6 @@ from rich.markup import escape
 from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
-    parse_buses,
     say_basis,
     say_method,
     speaks_to_people,
@@ -28,6 +27,7 @@ from gridfold.cli.options import (
     run_option,
 )
 from gridfold.grid.events import BusFault
+from gridfold.grid.number_ranges import parse_numbers
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
 from gridfold.report.tables import (
@@ -184,7 +184,7 @@ def cct(
 
     Example: gridfold cct npcc --buses 1-36 --json cct.json
     """
-    faults = [BusFault(bus) for bus in parse_buses(buses)]
+    faults = [BusFault(bus) for bus in parse_numbers(buses)]
     criterion = runs.criterion
     grid = source.build()
     basis = basis_of(grid)

@@ -7,7 +7,7 @@ import sys
 import typer
 from threadpoolctl import threadpool_limits
 
-from gridfold.cli import analysis, reduced, run
+from gridfold.cli import analysis, reduced, run, study
 from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
 from gridfold.cli.option_groups import flat
@@ -34,6 +34,10 @@ for command in (
     reduced.reduce,
     calibrate,
     reproduce,
+    study.init,
+    study.run,
+    study.show,
+    study.report,
 ):
     app.command()(flat(command))
 

@@ -12,9 +12,7 @@ from rich.table import Table
 from gridfold.cli.console import (
     ExitCode,
     StageBars,
-    as_ranges,
     out,
-    parse_buses,
     say_basis,
     say_method,
     speaks_to_people,
@@ -35,6 +33,7 @@ from gridfold.cli.options import (
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.events import BusFault, Event
+from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
@@ -95,7 +94,7 @@ def calibrate(
         refuse(given(boundary) + given(reduction), "the threshold of the whole system")
     reducer = reduction.build()
     events = [parse_event(text) for text in event or []]
-    faulted = None if buses is None else parse_buses(buses)
+    faulted = None if buses is None else parse_numbers(buses)
     model = source.build()
     method = runs.choose(model)
     parts = partition(model, area.find(model.case, source.case))

@@ -5,18 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from math import inf, isclose
 from pathlib import Path
 from typing import Annotated, Any
 
-from gridfold.cli.console import as_ranges
 from gridfold.cli.option_groups import given, refuse
 from gridfold.cli.options import (
     AreaOptions,
     BoundaryOptions,
     NormOptions,
-    ReducerKind,
     ReductionOptions,
     SwitchingOptions,
     model_option,
@@ -24,11 +21,13 @@ from gridfold.cli.options import (
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
+from gridfold.grid.number_ranges import as_ranges
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation
 from gridfold.studies.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
 from gridfold.studies.error_budget import ErrorBudget, error_budget
+from gridfold.studies.model_kind import ANGLES_DEG, LONGEST_ABOVE, ModelKind, ReducerKind
 from gridfold.studies.reduced import (
     ReducedExternal,
     WholeSystem,
@@ -41,21 +40,6 @@ from gridfold.studies.small_models import SmallModels
 from gridfold.studies.synchronism import SynchronismCriterion
 from gridfold.studies.trajectory import Trajectory, UsedModel
 
-
-class ModelKind(Enum):
-    """Which model is simulated."""
-
-    DETAILED = "detailed"
-    LINEAR = "linear"
-    PROJECTED = "projected"
-    HYBRID = "hybrid"
-    ADAPTIVE = "adaptive"
-    WHOLE = "whole"
-
-
-#: Thresholds of the angle deviation in degrees by which the paper switches.
-_ANGLES = {ModelKind.ADAPTIVE: 67.0, ModelKind.WHOLE: 6.0}
-_LONGEST_ABOVE = 5.0
 _REDUCERS = {
     BalancedTruncation.__name__: ReducerKind.BALANCED,
     ModalTruncation.__name__: ReducerKind.MODAL,
@@ -169,12 +153,12 @@ class ModelChoice:
     def _rule(self) -> SwitchingRule:
         if self.model is ModelKind.LINEAR:
             return SwitchingRule(inf)
-        if self.model not in _ANGLES:
+        if self.model not in ANGLES_DEG:
             return SwitchingRule(0.0)
         angle, longest = self.switching.angle_deg, self.switching.longest_above
         return SwitchingRule(
-            _ANGLES[self.model] if angle is None else angle,
-            _LONGEST_ABOVE if longest is None else longest,
+            ANGLES_DEG[self.model] if angle is None else angle,
+            LONGEST_ABOVE if longest is None else longest,
         )
 
     def _settings(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
@@ -21,7 +20,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from gridfold.errors import OptionError
 from gridfold.io.results import write_json
 from gridfold.report.tables import basis_facts, facts_table
 from gridfold.studies.basis import Basis
@@ -51,31 +49,6 @@ def exit_code(status: Status) -> ExitCode:
         Status.COMPLETED: ExitCode.COMPLETED,
         Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,
     }.get(status, ExitCode.FAILED)
-
-
-def parse_buses(text: str, what: str = "buses") -> list[int]:
-    """Numbers of buses, or of `what`, from text such as ``1-36,78``."""
-    numbers: list[int] = []
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
-        if match is None:
-            raise OptionError(f"{what} are given as 3,7 or 1-36, not {part.strip()!r} in {text!r}")
-        first, last = int(match[1]), int(match[2] or match[1])
-        if last < first:
-            raise OptionError(f"the range {part.strip()!r} ends before it starts")
-        numbers += range(first, last + 1)
-    return list(dict.fromkeys(numbers))
-
-
-def as_ranges(numbers: Iterable[int]) -> str:
-    """Numbers as text such as ``1-36,78``, in ascending order."""
-    ranges: list[list[int]] = []
-    for number in sorted(numbers):
-        if ranges and number == ranges[-1][1] + 1:
-            ranges[-1][1] = number
-        else:
-            ranges.append([number, number])
-    return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in ranges)
 
 
 def write_json_option(path: str | None, data: Mapping[str, Any] | list[Any]) -> None:

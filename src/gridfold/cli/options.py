@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from gridfold.cli.console import parse_buses
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
@@ -18,17 +17,15 @@ from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
+from gridfold.grid.number_ranges import parse_numbers
 from gridfold.partition import Coupling, study_buses
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
 from gridfold.studies.case_info import CaseInfo, examine_case, examine_files
 from gridfold.studies.method import Choice, Method, choose_stepper
+from gridfold.studies.model_kind import STUDY_AREAS, TOLERANCE, ReducerKind
 from gridfold.studies.psse import is_network_file, load_case
 from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
 from gridfold.studies.synchronism import SynchronismCriterion
-
-#: Areas that are the study area of a built-in case if nothing else is asked for.
-_STUDY_AREAS = {"npcc": (1,), "npcc-pst": (1,)}
-_TOLERANCE = 1e-5
 
 _case_option = partial(typer.Option, rich_help_panel="Case")
 run_option = partial(typer.Option, rich_help_panel="Runs")
@@ -134,13 +131,6 @@ class CaseOptions:
         )
 
 
-class ReducerKind(Enum):
-    """Reducers by name."""
-
-    BALANCED = "balanced"
-    MODAL = "modal"
-
-
 @dataclass(frozen=True)
 class RunOptions:
     """How runs are stepped, and when they end."""
@@ -182,11 +172,11 @@ class AreaOptions:
     def find(self, case: Case, source: str) -> frozenset[int]:
         """Its bus numbers in `case`, which was loaded from `source`."""
         texts = {"buses": self.study_buses, "areas": self.study_areas, "zones": self.study_zones}
-        asked = {kind: parse_buses(t, kind) for kind, t in texts.items() if t is not None}
+        asked = {kind: parse_numbers(t, kind) for kind, t in texts.items() if t is not None}
         if asked:
             return study_buses(case, **asked)
-        if source in _STUDY_AREAS:
-            return study_buses(case, areas=_STUDY_AREAS[source])
+        if source in STUDY_AREAS:
+            return study_buses(case, areas=STUDY_AREAS[source])
         raise OptionError(
             f"case {case.name} has no study area of its own; give it with --study-buses, "
             "--study-areas or --study-zones"
@@ -264,7 +254,7 @@ class ReductionOptions:
             if self.order is None:
                 raise OptionError("the modal reducer needs an --order")
             return ModalTruncation(self.order)
-        tolerance = _TOLERANCE if self.order is None and self.tolerance is None else self.tolerance
+        tolerance = TOLERANCE if self.order is None and self.tolerance is None else self.tolerance
         return BalancedTruncation(tolerance=tolerance, order=self.order)
 
 

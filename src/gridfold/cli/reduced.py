@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from gridfold.cli.choice import ExternalOptions, model_settings
-from gridfold.cli.console import as_ranges, out, say_basis, speaks_to_people, write_json_option
+from gridfold.cli.console import out, say_basis, speaks_to_people, write_json_option
 from gridfold.cli.options import AreaOptions, CaseOptions, JsonOption, NormOptions
+from gridfold.grid.number_ranges import as_ranges
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition import partition as divide
 from gridfold.report.tables import (

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gridfold.cli.choice import ModelChoice, ModelKind
+from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     EXIT_CODES,
     exit_code,
@@ -41,6 +41,7 @@ from gridfold.report.tables import (
 )
 from gridfold.studies.basis import basis_of
 from gridfold.studies.clearing_time import critical_clearing_time
+from gridfold.studies.model_kind import ModelKind
 from gridfold.studies.simulate import simulate as run_simulation
 from gridfold.studies.summary import Summary, summarize
 from gridfold.studies.trajectory import Trajectory

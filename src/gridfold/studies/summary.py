@@ -63,16 +63,21 @@ def summarize(run: Trajectory) -> Summary:
     return Summary(tuple(swings), *_voltage_extremes(run))
 
 
-def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
-    """Lowest and highest voltage of energized buses from the last event on."""
+def last_event(run: Trajectory) -> float:
+    """Time in seconds from which the network stays as it is at the end; 0 if it never changes."""
     used = list(zip(run.run.pieces, run.models, strict=False))
-    final = used[-1][1]
     last = 0.0
     for piece, model in reversed(used):
-        if model.state != final.state:
+        if model.state != used[-1][1].state:
             break
         last = float(piece.times[0])
-    rows = np.flatnonzero(run.times >= last)
+    return last
+
+
+def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
+    """Lowest and highest voltage of energized buses from the last event on."""
+    final = run.models[len(run.run.pieces) - 1]
+    rows = np.flatnonzero(run.times >= last_event(run))
     magnitude = np.abs(run.bus_voltage()[rows])
     on = np.flatnonzero(final.equations.islands.energized)
     result = []

@@ -1,0 +1,260 @@
+"""Commands about studies: init, run, show, report."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, TextIO
+
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    SpinnerColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import Progress as Bars
+
+from gridfold.cli.console import ExitCode, err, out, write_json_option
+from gridfold.cli.options import JsonOption
+from gridfold.contingencies import Progress, Stage, Workers, run_study
+from gridfold.contingencies.study_file import json_schema, write_template
+from gridfold.errors import OptionError, OutputError
+from gridfold.io.results import write_csv, write_parquet
+from gridfold.io.study_store import StudyStore
+from gridfold.report.study_report import write_report
+from gridfold.report.study_tables import result_table, study_facts
+from gridfold.report.tables import facts_table
+
+#: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
+_INTERRUPTED = 130
+
+_worker_option = partial(typer.Option, rich_help_panel="Workers")
+_output_option = partial(typer.Option, rich_help_panel="Output")
+
+_RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
+
+Ctrl-C ends it with what was in flight written; --resume goes on, after a kill too.
+
+Examples:
+
+  gridfold init && gridfold run study.toml && gridfold report study.results
+
+  gridfold run study.toml --resume --workers processes --jobs 8
+
+Exit codes: 0 every contingency has a result; 2 bad input; 130 interrupted.
+"""
+
+StudyFolder = Annotated[Path, typer.Argument(help="Folder of the results.")]
+
+
+def init(
+    file: Annotated[Path, typer.Argument(help="File to write.")] = Path("study.toml"),
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON Schema of study files instead.")
+    ] = False,
+) -> None:
+    """Write a study file with a comment on every key."""
+    if schema:
+        sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
+        return
+    write_template(file)
+    out.print(f"{file} is written. Next: gridfold run {file}", markup=False, highlight=False)
+
+
+def run(
+    study: Annotated[Path, typer.Argument(help="The study file.")],
+    folder: Annotated[
+        Path | None,
+        _output_option("--out", help="Folder of the results.", show_default="STUDY.results"),
+    ] = None,
+    resume: Annotated[
+        bool, _output_option("--resume", help="Go on with what the folder holds.")
+    ] = False,
+    log_json: Annotated[
+        str | None,
+        _output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
+    ] = None,
+    workers: Annotated[Workers, _worker_option(help="What works.")] = Workers.THREADS,
+    count: Annotated[
+        int | None, _worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
+    ] = None,
+    cluster: Annotated[
+        str | None, _worker_option(help="A Dask cluster instead: local or tcp://HOST:PORT.")
+    ] = None,
+) -> None:
+    """Run a study: every contingency, on all cores or a cluster."""
+    with ExitStack() as stack:
+        _terminate_as_interrupt()
+        tell = [stack.enter_context(_bar())]
+        if log_json is not None:
+            tell.append(_logger(stack, log_json))
+
+        def on_progress(progress: Progress) -> None:
+            for each in tell:
+                each(progress)
+
+        outcome = run_study(
+            study,
+            folder,
+            resume=resume,
+            workers=workers,
+            count=count,
+            cluster=cluster,
+            on_progress=on_progress,
+        )
+    with StudyStore.read(outcome.folder) as store:
+        out.print(facts_table(study_facts(store, outcome)))
+        if outcome.complete:
+            out.print(result_table(store.frame(sort="largest_separation_deg", descending=True), 10))
+    if outcome.stage is Stage.INTERRUPTED:
+        err.print(
+            f"interrupted: {outcome.done} of {outcome.total} are done; go on with --resume",
+            style="yellow",
+            markup=False,
+        )
+        raise typer.Exit(_INTERRUPTED)
+    raise typer.Exit(ExitCode.COMPLETED)
+
+
+run.__doc__ = _RUN_HELP
+
+
+def show(
+    folder: StudyFolder,
+    sort: Annotated[
+        str | None, typer.Option(help="Column to sort by.", show_default="number")
+    ] = None,
+    descending: Annotated[bool, typer.Option("--descending", help="The largest first.")] = False,
+    where: Annotated[
+        str | None,
+        typer.Option(help="Condition in SQL, such as 'stable = 0 AND lowest_voltage < 0.8'."),
+    ] = None,
+    columns: Annotated[
+        str, typer.Option(help="Columns of the table, by commas; all: every one.")
+    ] = "",
+    limit: Annotated[int, typer.Option(min=1, help="Rows of the table.")] = 40,
+    csv: Annotated[Path | None, _output_option(help="Write all rows as CSV.")] = None,
+    parquet: Annotated[Path | None, _output_option(help="Write all rows as Parquet.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Show the results of a study, also while it runs.
+
+    Example:
+
+      gridfold show study.results --where "stable = 1" --sort lowest_voltage
+    """
+    with StudyStore.read(folder) as store:
+        frame = store.frame(where, sort, descending)
+        about = store.identity
+        if json != "-":
+            out.print(facts_table(study_facts(store)))
+        chosen = [name.strip() for name in columns.split(",") if name.strip()]
+        if unknown := [name for name in chosen if name not in (*store.columns, "all")]:
+            known = ", ".join(store.columns)
+            raise OptionError(f"there is no column {unknown[0]!r}; there are: {known}")
+        wanted = list(store.columns) if chosen == ["all"] else chosen
+    notes = {key: about[key] for key in ("gridfold", "case", "fingerprint", "study", "settings")}
+    if csv is not None:
+        write_csv(csv, frame, notes)
+    if parquet is not None:
+        write_parquet(parquet, frame, notes)
+    if json is not None:
+        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        write_json_option(json, notes | {"results": rows})
+    if json != "-":
+        out.print(result_table(frame, limit, wanted))
+
+
+def report(
+    folder: StudyFolder,
+    file: Annotated[
+        Path | None, typer.Option("--out", help="The page.", show_default="FOLDER/report.html")
+    ] = None,
+) -> None:
+    """Write the report of a study: one page that needs no network."""
+    target = folder / "report.html" if file is None else file
+    with StudyStore.read(folder) as store:
+        write_report(store, target)
+    out.print(f"{target} is written", markup=False, highlight=False)
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[Progress], None]]:
+    """A bar on standard error with counts, rate and time left; silent where that is no terminal."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[counts]}", markup=False),
+        TimeRemainingColumn(),
+    )
+    with Bars(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
+        task = bars.add_task("preparing", total=None, counts="")
+
+        def tell(progress: Progress) -> None:
+            counts = f"{progress.stable} stable, {progress.unstable} unstable"
+            if progress.failed:
+                counts += f", {progress.failed} failed"
+            if progress.per_second:
+                counts += f", {progress.per_second:.2g} a second"
+            preparing = progress.stage is Stage.PREPARING
+            bars.update(
+                task,
+                description="off-line work" if preparing else "contingencies",
+                total=progress.total or None,
+                completed=progress.done,
+                counts="" if preparing else counts,
+            )
+
+        yield tell
+
+
+def _logger(stack: ExitStack, target: str) -> Callable[[Progress], None]:
+    """Writes a line of JSON for each contingency, and one at the beginning and the end."""
+    stream: TextIO
+    if target == "-":
+        stream = sys.stderr
+    else:
+        try:
+            stream = Path(target).open("a", encoding="utf-8")  # noqa: SIM115
+            stack.callback(stream.close)
+        except OSError as error:
+            raise OutputError(f"{target}: cannot be written: {error.strerror}") from None
+
+    def tell(progress: Progress) -> None:
+        record: dict[str, Any] = {
+            "stage": progress.stage.value,
+            "done": progress.done,
+            "total": progress.total,
+            "stable": progress.stable,
+            "unstable": progress.unstable,
+            "failed": progress.failed,
+            "seconds": round(progress.seconds, 3),
+        }
+        if progress.message:
+            record["message"] = progress.message
+        if progress.latest is not None:
+            latest = progress.latest
+            record["contingency"] = {key: latest[key] for key in ("number", "name", "status")}
+            record["contingency"]["reason"] = latest["reason"]
+        stream.write(json.dumps(record) + "\n")
+        stream.flush()
+
+    return tell
+
+
+def _terminate_as_interrupt() -> None:
+    """A polite kill (SIGTERM) ends a study as Ctrl-C does."""
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)

@@ -1,0 +1,108 @@
+"""Tables about studies for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from gridfold.contingencies.engine import StudyRun
+from gridfold.io.study_store import StudyStore
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Columns that are shown if none are asked for: heading and digits by column.
+_SHOWN: dict[str, tuple[str, int]] = {
+    "number": ("no.", 0),
+    "name": ("contingency", 0),
+    "status": ("status", 0),
+    "critical_machine": ("machine", 0),
+    "largest_separation_deg": ("apart\n(deg)", 1),
+    "lowest_voltage": ("lowest\n(p.u.)", 3),
+    "lowest_voltage_bus": ("at\nbus", 0),
+    "damping_ratio": ("damp-\ning", 3),
+    "critical_clearing_time": ("CCT\n(s)", 2),
+    "error_rms_deg": ("error\n(deg)", 2),
+}
+_FINE = 6
+
+
+def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str, str]:
+    """What a study is about and what came of it, by name."""
+    about, frame = store.identity, store.frame()
+    settings = about["settings"]
+    total = len(store.contingencies())
+    stable = int(frame["stable"].fillna(False).sum())
+    failed = int(frame["stable"].isna().sum())
+    facts = {
+        "Study": about["study"]["name"],
+        "Case": f"{about['case']}, {settings['machines']} machines, {settings['states']} states",
+        "Model": _model(settings),
+        "Contingencies": f"{len(frame)} of {total} done",
+        "Outcome": f"{stable} stable, {len(frame) - stable - failed} not, {failed} failed",
+    }
+    errors = frame["error_rms_deg"].dropna()
+    if len(errors):
+        worst = float(errors.max())
+        facts["Checked in detail"] = (
+            f"{len(errors)}: rotor angles of the study area within {worst:.2f} degrees RMS"
+        )
+    if not settings["validated"]:
+        facts["Not validated"] = (
+            "; ".join(
+                f"{item['model']}: {item['outcome']} ({item['records']}, {item['share']:.1%})"
+                for item in settings["replacements"]
+            )
+            or "parts of the network are left out"
+        )
+    if outcome is not None:
+        facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
+        facts["Results"] = str(outcome.folder)
+    return facts
+
+
+def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> Table:
+    """The first `limit` rows; columns without any value are left out unless they are asked for."""
+    if columns:
+        shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
+    else:
+        shown = {name: what for name, what in _SHOWN.items() if frame[name].notna().any()}
+    more = f"{len(frame) - limit} more rows" if len(frame) > limit else None
+    table = Table(caption=more, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    rows = frame.head(limit).to_dict("records")
+    for name, (heading, digits) in shown.items():
+        number = frame[name].dtype.name in ("Float64", "Int64", "int64")
+        widest = max([len(_cell(row[name], digits)) for row in rows], default=0)
+        # Names give way where the terminal is narrow, figures do not.
+        table.add_column(
+            heading,
+            justify="right" if number else "left",
+            no_wrap=name != "name",
+            min_width=None if name == "name" else max(widest, *map(len, heading.split("\n"))),
+        )
+    for row in rows:
+        table.add_row(*(_cell(row[name], digits) for name, (_, digits) in shown.items()))
+    return table
+
+
+def _cell(value: Any, digits: int) -> str:
+    import pandas as pd
+
+    if value is None or value is pd.NA:
+        return ""
+    return f"{value:.{digits}f}" if isinstance(value, float) else str(value)
+
+
+def _model(settings: dict[str, Any]) -> str:
+    words = [settings["model"]]
+    if "order" in settings:
+        words.append(f"order {settings['order']}")
+    if "kept" in settings:
+        words.append(f"{len(settings['kept'])} of {settings['external_machines']} machines kept")
+    if settings.get("angle_deg"):
+        words.append(f"switching at {settings['angle_deg']:g} degrees")
+    words.append(f"{settings['method']} with {settings['step'] * 1000:g} ms")
+    return ", ".join(words)
