@@ -7,7 +7,9 @@ import time
 import clearing_times
 import error_sweeps
 import first_run
+import implicit_rule
 import network_backends
+import psse_cases
 import reduced_models
 import second_case
 import speed
@@ -18,12 +20,13 @@ COMMAND = "python benchmarks/run_all.py"
 
 
 def main() -> None:
-    """Run everything; clearing times, error sweeps and verdicts get pages of their own."""
+    """Run everything; clearing times, sweeps, verdicts and PSS/E cases get pages of their own."""
     began = time.perf_counter()
     sections: list[Section] = []
     measures = (
         speed.measure,
         network_backends.measure,
+        implicit_rule.measure,
         first_run.measure,
         reduced_models.measure,
         second_case.measure,
@@ -31,7 +34,7 @@ def main() -> None:
     for measure in measures:
         sections.append(measure())
         print(sections[-1], end="\n\n", flush=True)
-    for page in (clearing_times.main, error_sweeps.main, verdicts.main):
+    for page in (clearing_times.main, error_sweeps.main, verdicts.main, psse_cases.main):
         print(page(), end="\n\n", flush=True)
     write("benchmarks.md", "# Benchmarks", f"{machine()} All of it: `{COMMAND}`.", *sections)
     goals = [goal for section in sections for goal in section.goals]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.network.backend import CompiledNetwork
 from gridfold.numerics.compiled import invoke
+from gridfold.numerics.implicit import CompiledSolver
 from gridfold.numerics.rhs import CompiledRhs
 
 Action = Callable[[], object]
@@ -105,6 +106,14 @@ def network_calls(network: CompiledNetwork, currents: NDArray[np.float64], count
     scratch, voltages = np.zeros(network.scratch_size), np.empty_like(currents)
     return lambda: _repeat_network(
         count, network.address, network.integers, network.reals, currents, voltages, scratch
+    )
+
+
+def solver_calls(solver: CompiledSolver, b: NDArray[np.float64], count: int) -> Action:
+    """`count` uses of a solver of Newton's equation in a compiled loop."""
+    scratch, y = np.zeros(solver.scratch_size), np.empty_like(b)
+    return lambda: _repeat_network(
+        count, solver.address, solver.integers, solver.reals, b, y, scratch
     )
 
 

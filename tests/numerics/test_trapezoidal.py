@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gridfold as gf
+from gridfold.dynamics.network.closed import ClosedNetworks
 from gridfold.errors import OptionError
 from gridfold.grid.network_state import NetworkState
 from gridfold.numerics.compiled import compile_callback
@@ -38,6 +39,12 @@ def _robertson(integers, reals, work, x, dx):
     dx[0] = -first
     dx[1] = first - third
     dx[2] = third
+
+
+def _contact(integers, reals, work, x, dx):
+    """A mass that falls on a stiff spring, with which it is in contact below zero."""
+    dx[0] = x[1]
+    dx[1] = -1.0 - reals[0] * min(x[0], 0.0) - 0.1 * x[1]
 
 
 def _system(function, n_states: int, *reals: float) -> CompiledRhs:
@@ -79,6 +86,26 @@ def test_a_step_solves_the_equation_of_the_rule(pendulum):
     end = _end(ImplicitTrapezoidal(h), pendulum, START, h)
     residual = START + h / 2 * (pendulum(START) + pendulum(end)) - end
     np.testing.assert_allclose(residual, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("function", "stiffness", "start"),
+    [(_pendulum, 4.0, (1.0, 0.3)), (_contact, 1e5, (0.5, 0.0)), (_van_der_pol, 20.0, (2.0, 0.0))],
+)
+def test_every_step_of_a_run_solves_the_equation_of_the_rule(function, stiffness, start):
+    rhs, h = _system(function, 2, stiffness), 0.01
+    states = ImplicitTrapezoidal(h).integrate(rhs, h * np.arange(1001), np.array(start)).states
+    f = np.array([rhs(x) for x in states])
+    correction = np.array([
+        np.linalg.solve(
+            np.eye(2) - h / 2 * numerical_jacobian(rhs, after),
+            before + h / 2 * (slope + slope_after) - after,
+        )
+        for before, after, slope, slope_after in zip(
+            states[:-1], states[1:], f[:-1], f[1:], strict=True
+        )
+    ])  # fmt: skip
+    assert np.abs(correction / np.maximum(1.0, np.abs(states[1:]))).max() < 1e-7
 
 
 @pytest.mark.parametrize("eigenvalue", [-1e6, -1e3, -200.0, -1.0, 3.0])
@@ -180,6 +207,42 @@ def test_solver_of_the_detailed_model_is_that_of_its_full_jacobian(npcc):
             np.testing.assert_allclose(
                 _solution(own, b), _solution(full, b), atol=1e-10, rtol=1e-10
             )
+
+
+@pytest.mark.parametrize("network", [NetworkState(), NetworkState(bus_faults=((30, 0j),))])
+def test_the_factored_network_is_the_closed_impedance_matrix(npcc, network):
+    equations = npcc.for_state(network).equations
+    n = len(equations.terminals)
+    generator = np.random.default_rng(4)
+    slopes, currents = generator.standard_normal((n, 2, 2)), generator.standard_normal(2 * n)
+    dense, factored = (
+        ClosedNetworks(equations, factored_from=start)(slopes) for start in (n + 1, 0)
+    )
+    expected, found = (
+        _solution(CompiledSolver(k.address, k.integers, k.reals, k.scratch_size), currents)
+        for k in (dense, factored)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+def test_slopes_of_the_units_are_the_partial_derivatives_of_the_whole(npcc):
+    x = npcc.x0 + 0.05 * np.random.default_rng(5).standard_normal(npcc.n_states)
+    factory, layout = npcc.compiled.solver, npcc.layout
+    voltages = npcc.signals(x[None, :])[0][layout.voltage_start : layout.n_signals]
+    found, expected = factory.kernels.slopes(x, voltages), npcc.partials(x)
+    unit, row = factory.places.unit, factory.places.row
+    terminal = factory.places.terminal[unit]
+    n_t, n = len(layout.terminals), npcc.n_states
+    states, each = np.zeros((n, n)), np.arange(n)
+    for k in range(n):
+        same = unit == unit[k]
+        states[k, same] = found.states[unit[k], row[k], row[same]]
+    np.testing.assert_allclose(states, expected.states.toarray(), atol=1e-10)
+    for part in range(2):
+        by_voltage = expected.voltages.toarray()[each, terminal + part * n_t]
+        np.testing.assert_allclose(found.voltages[unit, row, part], by_voltage, atol=1e-10)
+        current = expected.currents.toarray()[terminal + part * n_t, each]
+        np.testing.assert_allclose(found.currents[unit, part, row], current, atol=1e-10)
 
 
 def test_solver_holds_with_a_bolted_fault_and_a_unit_out(npcc):

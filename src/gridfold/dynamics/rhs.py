@@ -60,7 +60,7 @@ HEADER_SIZE = 20
     SIGNAL_ROWS,
     SIGNALS_AT,
 ) = range(11)
-_COLUMNS = 11
+CALL_COLUMNS = 11
 
 
 class Store:
@@ -135,7 +135,7 @@ def pack_model(
         for pick in (_source, _output, _derivative)
     ]
     n_calls = sum(len(stage) for stage in stages)
-    integers = Store(np.int64, start=header_size + n_calls * _COLUMNS)
+    integers = Store(np.int64, start=header_size + n_calls * CALL_COLUMNS)
     reals = Store(np.float64)
     data_at = {
         id(block): (
@@ -188,7 +188,7 @@ def _derivative(block: Block) -> Kernel | None:
 def _call_row(
     block: Block, kernel: Kernel, inputs_at: int, runs_at: int, parameters_at: int
 ) -> list[int]:
-    row = [0] * _COLUMNS
+    row = [0] * CALL_COLUMNS
     row[ADDRESS] = compiled_kernel(kernel).address
     row[UNITS] = len(block.units)
     row[STATE_ROWS] = len(block.device.states)
@@ -223,7 +223,7 @@ def run_calls(first, count, integers, reals, work, x, dx):
     """Gather the inputs of each call and make it."""
     inputs_at = integers[INPUTS_AT]
     for c in range(first, first + count):
-        at = integers[CALLS_AT] + c * _COLUMNS
+        at = integers[CALLS_AT] + c * CALL_COLUMNS
         units = integers[at + UNITS]
         for row in range(integers[at + INPUT_ROWS]):
             target = inputs_at + row * units

@@ -2,10 +2,12 @@
 
 The states of a unit see other units only through the voltage at its terminal:
 
-    (I - gamma A) y - gamma B v = b,    v = Z C y,
+    (I - gamma A) y - gamma B v = b,    Y v = C y + S v,
 
-with A block-diagonal by units. Each unit's block is inverted alone; what remains are the terminal
-voltages, v = K C (I - gamma A)^-1 b with K = (I - gamma Z C (I - gamma A)^-1 B)^-1 Z.
+with A block-diagonal by units, and S the slopes of nonlinear loads. Each unit's block is inverted
+alone; what remains are the terminal voltages,
+
+    (Y - S - gamma C (I - gamma A)^-1 B) v = C (I - gamma A)^-1 b.
 """
 
 from __future__ import annotations
@@ -17,22 +19,32 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-from gridfold.dynamics.jacobian import Partials, model_partials
 from gridfold.dynamics.layout import Layout
+from gridfold.dynamics.network.closed import ClosedNetworks
 from gridfold.dynamics.network.equations import NetworkEquations
-from gridfold.dynamics.network.loads import NonlinearLoads, closed_with_loads, real_form
+from gridfold.dynamics.network.loads import NonlinearLoads
+from gridfold.dynamics.unit_partials import UnitKernels, UnitPlaces, UnitSlopes, unit_places
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.compiled import compile_callback, matrix_view
+from gridfold.numerics.compiled import compile_callback, compiled_part, invoke
 from gridfold.numerics.implicit import SOLVER_SIGNATURE, CompiledSolver
 from gridfold.numerics.rhs import CompiledRhs
 
-# Header of the integers; a row for each unit follows, then the positions of its states.
-N_STATES, N_TERMINALS, N_UNITS, NETWORK_AT = range(4)
-_HEADER = 4
-SIZE, STATES_AT, TERMINAL, DATA_AT = range(4)
-_COLUMNS = 4
+# Header of the integers. A row for each group of units of equal size follows, then for each group the
+# positions of its states (size, n_units) and the terminals of its units, then the network's integers.
+(
+    N_TERMINALS,
+    N_GROUPS,
+    N_PLACES,
+    NETWORK_ADDRESS,
+    NETWORK_INTEGERS_AT,
+    NETWORK_INTEGERS,
+    NETWORK_REALS_AT,
+    NETWORK_REALS,
+) = range(8)
+_HEADER = 8
+SIZE, UNITS, STATES_AT, TERMINALS_AT, MATRIX_AT, DRIVEN_AT, PLACES_AT = range(7)
+_COLUMNS = 7
 
 
 @dataclass(frozen=True)
@@ -46,165 +58,155 @@ class UnitSolvers:
     rhs: CompiledRhs
 
     @cached_property
-    def impedance(self) -> NDArray[np.float64]:
-        """Real form of the impedance matrix, shape (2 n_terminals, 2 n_terminals)."""
-        return real_form(self.equations.terminal_impedance())
+    def places(self) -> UnitPlaces:
+        """Where the states of the units are."""
+        return unit_places(self.layout, self.units_out)
+
+    @cached_property
+    def kernels(self) -> UnitKernels:
+        """The devices on complex numbers."""
+        return UnitKernels(self.layout, self.places, self.rhs)
+
+    @cached_property
+    def networks(self) -> ClosedNetworks:
+        """The network, ready for any slopes."""
+        return ClosedNetworks(self.equations)
 
     def __call__(self, x: NDArray[np.float64], gamma: float) -> CompiledSolver:
         """The solver at the state `x`."""
-        signals = self.rhs.work_along(x[None, :], self.layout.n_signals)[0]
-        partials = model_partials(self.layout, self.units_out, x, signals)
-        layout = self.layout
-        voltages = signals[layout.voltage_start : layout.n_signals].reshape(2, -1)
-        network = closed_with_loads(
-            self.impedance, self.loads, voltages[0] + 1j * voltages[1], layout.terminals
-        )
-        return unit_solver(layout, partials, network, gamma)
+        layout, n_t = self.layout, len(self.layout.terminals)
+        signals = self.rhs.work_along(x[None, :], layout.n_signals)[0]
+        voltages = signals[layout.voltage_start : layout.n_signals]
+        partials = self.kernels.slopes(x, voltages)
+        slopes = np.zeros((n_t, 2, 2))
+        if self.loads is not None:
+            at = self.loads.places(layout.terminals)
+            slopes[at] = self.loads.slopes((voltages[:n_t] + 1j * voltages[n_t:])[at])
+        return unit_solver(self.places, partials, self.networks, slopes, gamma)
 
 
 def unit_solver(
-    layout: Layout, partials: Partials, impedance: NDArray[np.float64], gamma: float
+    places: UnitPlaces,
+    partials: UnitSlopes,
+    networks: ClosedNetworks,
+    slopes: NDArray[np.float64],
+    gamma: float,
 ) -> CompiledSolver:
-    """The solver at the state of `partials`.
+    """The solver with the partial derivatives of one state.
 
     Parameters
     ----------
-    layout : Layout
+    places : UnitPlaces
         Which states belong to which unit, and its terminal.
-    partials : Partials
+    partials : UnitSlopes
         A, B and C.
-    impedance : ndarray, shape (2 n_terminals, 2 n_terminals)
-        Real form of Z, from currents to voltages.
+    networks : ClosedNetworks
+        The network.
+    slopes : ndarray, shape (n_terminals, 2, 2)
+        S.
     gamma : float
         In seconds.
     """
-    n_t = len(layout.terminals)
-    places = _places(layout)
-    a = _blocks(partials.states, places.unit, places.row, places.unit, places.row, places.shape)
-    rows = np.arange(2 * n_t)
-    b = _blocks(
-        partials.voltages, places.unit, places.row, None, rows // n_t, (*places.shape[:2], 2)
+    n_t, slopes = len(slopes), slopes.copy()
+    groups = places.groups
+    table, indices, data = [], [], []
+    index_at, data_at, places_at = _HEADER + _COLUMNS * len(groups), 0, 0
+    for units, states in groups:
+        size, count = states.shape
+        a, b, c = (
+            partials.states[units, :size, :size],
+            partials.voltages[units, :size],
+            partials.currents[units, :, :size],
+        )
+        inverse = np.linalg.inv(np.eye(size) - gamma * a)
+        driven = gamma * inverse @ b
+        np.add.at(slopes, places.terminal[units], c @ driven)
+        matrix = np.concatenate([inverse, c @ inverse], axis=1)
+        indices += [states.ravel(), places.terminal[units]]
+        data += [matrix.transpose(1, 2, 0).ravel(), driven.transpose(1, 2, 0).ravel()]
+        table += [
+            size, count, index_at, index_at + size * count,
+            data_at, data_at + matrix.size, places_at,
+        ]  # fmt: skip
+        index_at += (size + 1) * count
+        data_at += matrix.size + driven.size
+        places_at += (size + 2) * count
+    network = networks(slopes)
+    header = [
+        n_t, len(groups), places_at, network.address,
+        index_at, network.integers.size, data_at, network.reals.size,
+    ]  # fmt: skip
+    largest = max(
+        (max(size, 2) * count for size, count in (at.shape for _, at in groups)), default=0
     )
-    c = _blocks(
-        partials.currents, None, rows // n_t, places.unit, places.row,
-        (places.shape[0], 2, places.shape[1]),
-    )  # fmt: skip
-    inverse = np.linalg.inv(np.eye(places.shape[1]) - gamma * a)
-    driven = gamma * inverse @ b
-    returned = np.zeros((2, n_t, 2, n_t))
-    at = places.terminal
-    np.add.at(returned.transpose(1, 3, 0, 2), (at, at), c @ driven)
-    loop = returned.reshape(2 * n_t, 2 * n_t)
-    network = np.linalg.solve(np.eye(2 * n_t) - impedance @ loop, impedance)
-    table, data = [], []
-    states_at, data_at = _HEADER + _COLUMNS * len(places.sizes), 0
-    for unit, size in enumerate(places.sizes):
-        table.append((size, states_at, at[unit], data_at))
-        data += [
-            inverse[unit, :size, :size].ravel(),
-            driven[unit, :size].ravel(),
-            c[unit, :, :size].ravel(),
-        ]
-        states_at += size
-        data_at += size * size + 4 * size
-    header = np.array([layout.n_states, n_t, len(table), data_at], dtype=np.int64)
     return CompiledSolver(
         _compiled().address,
-        np.concatenate([header, np.ravel(table), places.states]).astype(np.int64),
-        np.concatenate([*data, network.ravel()]),
-        4 * n_t,
+        np.concatenate([header, table, *indices, network.integers]).astype(np.int64),
+        np.concatenate([*data, network.reals]),
+        places_at + 4 * n_t + largest + network.scratch_size,
     )
-
-
-@dataclass(frozen=True)
-class _Places:
-    """Unit and row within it of every state, and of each unit its terminal, size and states."""
-
-    unit: NDArray[np.int64]
-    row: NDArray[np.int64]
-    terminal: NDArray[np.int64]
-    sizes: list[int]
-    states: NDArray[np.int64]
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Shape of the blocks, all of them padded to the largest."""
-        largest = max(self.sizes, default=0)
-        return len(self.sizes), largest, largest
-
-
-def _places(layout: Layout) -> _Places:
-    members: dict[UnitKey, list[int]] = {unit: [] for unit in layout.source_units}
-    for block in layout.blocks:
-        for unit, column in zip(block.units, block.state_index.T, strict=True):
-            members[unit] += column.tolist()
-    members = {unit: states for unit, states in members.items() if states}
-    unit_of, row_of = np.zeros((2, layout.n_states), dtype=np.int64)
-    for number, states in enumerate(members.values()):
-        unit_of[states], row_of[states] = number, np.arange(len(states))
-    at = {bus: k for k, bus in enumerate(layout.terminals)}
-    return _Places(
-        unit_of,
-        row_of,
-        np.array([at[unit.bus] for unit in members], dtype=np.int64),
-        [len(states) for states in members.values()],
-        np.array([k for states in members.values() for k in states], dtype=np.int64),
-    )
-
-
-def _blocks(
-    matrix: csr_array,
-    first_unit: NDArray[np.int64] | None,
-    first_row: NDArray[np.int64],
-    second_unit: NDArray[np.int64] | None,
-    second_row: NDArray[np.int64],
-    shape: tuple[int, int, int],
-) -> NDArray[np.float64]:
-    """The entries of a sparse matrix by unit; where one side has no unit, that of the other."""
-    entries = matrix.tocoo()
-    side, index = (
-        (first_unit, entries.row) if first_unit is not None else (second_unit, entries.col)
-    )
-    assert side is not None
-    blocks = np.zeros(shape)
-    np.add.at(blocks, (side[index], first_row[entries.row], second_row[entries.col]), entries.data)
-    return blocks
 
 
 def _solve(integers, reals, b, y, scratch):
-    n_t, n_units = integers[N_TERMINALS], integers[N_UNITS]
-    currents, voltages = scratch[: 2 * n_t], scratch[2 * n_t : 4 * n_t]
+    n_t = integers[N_TERMINALS]
+    voltages_at = integers[N_PLACES]
+    voltages, currents = (
+        scratch[voltages_at : voltages_at + 2 * n_t],
+        scratch[voltages_at + 2 * n_t : voltages_at + 4 * n_t],
+    )
+    rest = scratch[voltages_at + 4 * n_t :]
     for t in range(2 * n_t):
         currents[t] = 0.0
-    for unit in range(n_units):
-        row = _HEADER + _COLUMNS * unit
-        size, states, terminal = integers[row], integers[row + STATES_AT], integers[row + TERMINAL]
-        at = integers[row + DATA_AT]
-        inverse = matrix_view(reals, at, size, size)
-        seen = matrix_view(reals, at + size * (size + 2), 2, size)
-        i_r, i_i = 0.0, 0.0
-        for k in range(size):
-            total = 0.0
-            for j in range(size):
-                total += inverse[k, j] * b[integers[states + j]]
-            y[integers[states + k]] = total
-            i_r += seen[0, k] * total
-            i_i += seen[1, k] * total
-        currents[terminal] += i_r
-        currents[n_t + terminal] += i_i
-    network = matrix_view(reals, integers[NETWORK_AT], 2 * n_t, 2 * n_t)
-    for t in range(2 * n_t):
-        total = 0.0
-        for j in range(2 * n_t):
-            total += network[t, j] * currents[j]
-        voltages[t] = total
-    for unit in range(n_units):
-        row = _HEADER + _COLUMNS * unit
-        size, states, terminal = integers[row], integers[row + STATES_AT], integers[row + TERMINAL]
-        driven = matrix_view(reals, integers[row + DATA_AT] + size * size, size, 2)
-        for k in range(size):
-            v = driven[k, 0] * voltages[terminal] + driven[k, 1] * voltages[n_t + terminal]
-            y[integers[states + k]] += v
+        voltages[t] = 0.0
+    for group in range(integers[N_GROUPS]):
+        _alone(_HEADER + _COLUMNS * group, integers, reals, b, scratch, rest, currents)
+    i_at, r_at = integers[NETWORK_INTEGERS_AT], integers[NETWORK_REALS_AT]
+    network = integers[i_at : i_at + integers[NETWORK_INTEGERS]]
+    values = reals[r_at : r_at + integers[NETWORK_REALS]]
+    invoke(integers[NETWORK_ADDRESS], (network, values, currents, voltages, rest))
+    for group in range(integers[N_GROUPS]):
+        _together(_HEADER + _COLUMNS * group, integers, reals, voltages, scratch, y, rest)
+
+
+@compiled_part
+def _alone(row, integers, reals, b, scratch, given, currents):
+    """States and currents of a group of units at zero voltage."""
+    size, units, states = integers[row], integers[row + UNITS], integers[row + STATES_AT]
+    n_t, places = integers[N_TERMINALS], integers[row + PLACES_AT]
+    for k in range(size * units):
+        given[k] = b[integers[states + k]]
+    for k in range(size + 2):
+        total = scratch[places + k * units : places + (k + 1) * units]
+        for u in range(units):
+            total[u] = 0.0
+        for j in range(size):
+            at = integers[row + MATRIX_AT] + (k * size + j) * units
+            factor, value = reals[at : at + units], given[j * units : (j + 1) * units]
+            for u in range(units):
+                total[u] += factor[u] * value[u]
+    for u in range(units):
+        terminal = integers[integers[row + TERMINALS_AT] + u]
+        currents[terminal] += scratch[places + size * units + u]
+        currents[n_t + terminal] += scratch[places + (size + 1) * units + u]
+
+
+@compiled_part
+def _together(row, integers, reals, voltages, scratch, y, seen):
+    """Add what the voltages do to a group of units."""
+    size, units, states = integers[row], integers[row + UNITS], integers[row + STATES_AT]
+    n_t, places = integers[N_TERMINALS], integers[row + PLACES_AT]
+    real, imag = seen[:units], seen[units : 2 * units]
+    for u in range(units):
+        terminal = integers[integers[row + TERMINALS_AT] + u]
+        real[u], imag[u] = voltages[terminal], voltages[n_t + terminal]
+    for k in range(size):
+        at = integers[row + DRIVEN_AT] + 2 * k * units
+        by_real, by_imag = reals[at : at + units], reals[at + units : at + 2 * units]
+        alone = scratch[places + k * units : places + (k + 1) * units]
+        for u in range(units):
+            alone[u] += by_real[u] * real[u] + by_imag[u] * imag[u]
+        for u in range(units):
+            y[integers[states + k * units + u]] = alone[u]
 
 
 @cache

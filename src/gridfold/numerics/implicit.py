@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import compile_callback, invoke, matrix_view
+from gridfold.numerics.compiled import FAST, compile_callback, invoke, matrix_view
+
+if TYPE_CHECKING:
+    from gridfold.numerics.rhs import CompiledRhs
 
 #: ``solve(integers, reals, b, y, scratch)``: two read-only data blocks, right-hand side, solution.
 SOLVER_SIGNATURE = types.void(
@@ -63,17 +66,27 @@ def dense_solver(jacobian: NDArray[np.float64], gamma: float) -> CompiledSolver:
     return CompiledSolver(_compiled().address, np.array([n]), inverse.reshape(-1), 0)
 
 
-def numerical_jacobian(
-    f: Callable[[NDArray[np.float64]], NDArray[np.float64]], x: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Jacobian of `f` at `x` by central differences, shape (n, n)."""
-    steps = _DIFFERENCE * np.maximum(1.0, np.abs(x))
-    columns = []
-    for k, h in enumerate(steps):
-        shift = np.zeros(len(x))
-        shift[k] = h
-        columns.append((f(x + shift) - f(x - shift)) / (2 * h))
-    return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
+def numerical_jacobian(rhs: CompiledRhs, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Jacobian of `rhs` at the state `x` by central differences, shape (n, n)."""
+    state, result = np.array(x, dtype=np.float64), np.empty((len(x), len(x)))
+    work = np.zeros(rhs.work_size)
+    _differentiate(rhs.address, rhs.integers, rhs.reals, work, state, result)
+    return result
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _differentiate(address, integers, reals, work, x, result):
+    n = len(x)
+    above, below = np.empty(n), np.empty(n)
+    for k in range(n):
+        value, h = x[k], _DIFFERENCE * max(1.0, abs(x[k]))
+        x[k] = value + h
+        invoke(address, (integers, reals, work, x, above))
+        x[k] = value - h
+        invoke(address, (integers, reals, work, x, below))
+        x[k] = value
+        for i in range(n):
+            result[i, k] = (above[i] - below[i]) / (2 * h)
 
 
 def _solve(integers, reals, b, y, scratch):

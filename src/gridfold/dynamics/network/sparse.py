@@ -36,7 +36,7 @@ def sparse_network(equations: NetworkEquations) -> CompiledNetwork:
             )
         lower, upper = csc_array(factors.L), csc_array(factors.U)
         places = factors.perm_r[equations.terminals[present]]
-        reached = _paths_to_root(lower, places)
+        reached = paths_to_root(lower, places)
         lower, upper = lower[reached][:, reached], upper[reached][:, reached]
         terminals[present] = np.searchsorted(reached, places)
     low = csc_array(tril(lower, k=-1))
@@ -53,7 +53,7 @@ def sparse_network(equations: NetworkEquations) -> CompiledNetwork:
     )
 
 
-def _paths_to_root(lower: csc_array, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def paths_to_root(lower: csc_array, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """All nodes on the elimination-tree paths from `starts`, ascending."""
     lower.sort_indices()
     reached: set[int] = set()

@@ -9,41 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
-from gridfold.numerics.compiled import FAST, invoke
 from gridfold.numerics.implicit import CompiledSolver, dense_solver, numerical_jacobian
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step
-from gridfold.numerics.watch import Watch, first_watch, pack_watches
+from gridfold.numerics.steppers.trapezoidal_loop import (
+    FAR,
+    ITERATIONS,
+    TOLERANCE,
+    Outcome,
+    one_step,
+    run_steps,
+)
+from gridfold.numerics.watch import Watch, pack_watches
 
-#: Largest error of the iteration in a state, relative to its size or 1.
-_TOLERANCE = 1e-8
-#: Iterations of a step, and the rate of convergence from which a new Jacobian is worth its price.
-_ITERATIONS, _SLOW = 10, 0.3
-#: Steps between two new Jacobians for the sake of speed.
-_PATIENCE = 5
-#: A correction in a state from which an iteration is given up.
-_FAR = 1e6
+#: New Jacobians with which a step is tried again, from where its iteration was given up.
+_RETRIES = 4
 #: A step is halved up to this many times; with a tolerance, so often at the start of a segment.
 _HALVINGS, _FIRST_LEVEL = 10, 3
 #: After so many sampling intervals with errors below this part of the tolerance steps are doubled.
 _CALM_INTERVALS, _CALM = 3, 1 / 10
-
-
-class _Outcome(IntEnum):
-    """Why the compiled loop came back."""
-
-    END = 0
-    FIRED = 1
-    NEW_STEP_SIZE = 2
-    SLOW = 3
-    FAILED = 4
 
 
 @dataclass(frozen=True)
@@ -106,16 +95,18 @@ class _Run:
         step, last = 0, len(times) - 1
         while step < last:
             step, outcome, fired = self._loop(times, states, step, self.packed)
-            if outcome == _Outcome.FAILED and not self._persist(times, states, step):
+            if outcome == Outcome.FAILED and not (
+                self._retry(times, states, step) or self._persist(times, states, step)
+            ):
                 states[step + 1] = self._divided(times[step : step + 2], states[step])
                 step += 1
                 if not np.isfinite(states[step]).all():
                     return Integration(states[: step + 1], 0)
                 fired = self._fired(states[step])
-            elif outcome == _Outcome.FAILED:
+            elif outcome == Outcome.FAILED:
                 step += 1
                 fired = self._fired(states[step])
-            elif outcome in (_Outcome.NEW_STEP_SIZE, _Outcome.SLOW):
+            elif outcome in (Outcome.NEW_STEP_SIZE, Outcome.SLOW):
                 self._renew(times, states, step)
             if fired:
                 return Integration(states[: step + 1], fired)
@@ -157,7 +148,7 @@ class _Run:
             self._renew(times, states, step)
         assert self.solver is not None
         rhs, solver = self.rhs, self.solver
-        step, outcome, fired, worst = _steps(
+        step, outcome, fired, worst = run_steps(
             rhs.address, rhs.after_step, rhs.integers, rhs.reals, self.work,
             solver.address, solver.integers, solver.reals, np.zeros(solver.scratch_size),
             self.made[1], times, states, step, *watches,
@@ -181,6 +172,23 @@ class _Run:
         self.made = (x.tobytes(), h)
         return True
 
+    def _retry(self, times: NDArray[np.float64], states: NDArray[np.float64], step: int) -> bool:
+        """One step from where its iteration was given up, with a new Jacobian from there."""
+        h, rhs = float(times[step + 1] - times[step]), self.rhs
+        x_new = states[step + 1]
+        for _ in range(_RETRIES):
+            if not np.isfinite(x_new).all() or not self._make(x_new, h):
+                return False
+            assert self.solver is not None
+            solver = self.solver
+            if one_step(
+                rhs.address, rhs.integers, rhs.reals, self.work, solver.address, solver.integers,
+                solver.reals, np.zeros(solver.scratch_size), states[step], h, x_new,
+            ):  # fmt: skip
+                states[step + 1] = rhs.held_after_step(x_new)
+                return True
+        return False
+
     def _persist(self, times: NDArray[np.float64], states: NDArray[np.float64], step: int) -> bool:
         """One step with a new Jacobian for each iteration; whether the equation was solved.
 
@@ -189,17 +197,17 @@ class _Run:
         h = float(times[step + 1] - times[step])
         x, x_new = states[step], states[step].copy()
         f = self.rhs(x)
-        size, scale = np.inf, np.maximum(1.0, np.abs(x))
-        for _ in range(_ITERATIONS):
+        scale = np.maximum(1.0, np.abs(x))
+        for _ in range(ITERATIONS):
             residual = x + h / 2 * (f + self.rhs(x_new)) - x_new
             self._make(x_new, h)
             assert self.solver is not None
             correction = self.solver(residual)
             x_new = x_new + correction
-            before, size = size, float(np.max(np.abs(correction) / scale, initial=0.0))
-            if not size < 4 * before or not size < _FAR:
+            size = float(np.max(np.abs(correction) / scale, initial=0.0))
+            if not size < FAR:
                 return False
-            if size <= _TOLERANCE:
+            if size <= TOLERANCE:
                 states[step + 1] = self.rhs.held_after_step(x_new)
                 return True
         return False
@@ -225,103 +233,12 @@ class _Run:
         step, self.worst = known - 1, 0.0
         while step < len(times) - 1:
             step, outcome, _ = self._loop(times, states, step, self.unwatched)
-            if outcome == _Outcome.END:
+            if outcome == Outcome.END:
                 break
-            if not self._renew(times, states, step) and outcome == _Outcome.FAILED:
+            if not self._renew(times, states, step) and outcome == Outcome.FAILED:
                 return None
         return states
 
     def _fired(self, x: NDArray[np.float64]) -> int:
         """Number, counted from 1, of the first watch that holds at `x`; 0 if there is none."""
         return next((k for k, w in enumerate(self.watches, start=1) if w.holds(x)), 0)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _extrapolate(times, states, step, x_new):
-    """A polynomial through up to three equidistant states; returns how many there were."""
-    h, n = times[step + 1] - times[step], states.shape[1]
-    known = 1
-    while known < 3 and step >= known:
-        if abs(times[step - known + 1] - times[step - known] - h) > 1e-6 * h:
-            break
-        known += 1
-    for i in range(n):
-        x_new[i] = states[step, i]
-        if known == 2:
-            x_new[i] = 2 * states[step, i] - states[step - 1, i]
-        if known == 3:
-            x_new[i] = 3 * (states[step, i] - states[step - 1, i]) + states[step - 2, i]
-    return known
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _solve_step(
-    address, integers, reals, work, s_address, s_integers, s_reals, scratch,
-    x, f, h, x_new, f_new, residual, correction,
-):  # fmt: skip
-    """Newton's iteration from x_new; returns its slowest rate, or -1 where it does not converge."""
-    n = len(x)
-    before, slowest = -1.0, 0.0
-    for _ in range(_ITERATIONS):
-        invoke(address, (integers, reals, work, x_new, f_new))
-        for i in range(n):
-            residual[i] = x[i] + 0.5 * h * (f[i] + f_new[i]) - x_new[i]
-        invoke(s_address, (s_integers, s_reals, residual, correction, scratch))
-        size = 0.0
-        for i in range(n):
-            x_new[i] += correction[i]
-            size = max(size, abs(correction[i]) / max(1.0, abs(x_new[i])))
-            if not abs(correction[i]) < _FAR:
-                return -1.0
-        if size <= 0.01 * _TOLERANCE:
-            return slowest
-        if before > 0:
-            rate = size / before
-            slowest = max(slowest, rate)
-            if rate >= 0.9:
-                return -1.0
-            if rate / (1 - rate) * size <= _TOLERANCE:
-                return slowest
-        before = size
-    return -1.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _steps(
-    address, after, integers, reals, work, s_address, s_integers, s_reals, scratch, h_solver,
-    times, states, first, table, w_integers, w_reals,
-):  # fmt: skip
-    """Steps from `first` on until something comes up.
-
-    Returns (steps done, why, watch fired, largest local error).
-    """
-    n = states.shape[1]
-    f, f_new, residual, correction = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    guess, verdict, worst = np.empty(n), np.zeros(1), 0.0
-    for step in range(first, len(times) - 1):
-        x, x_new = states[step], states[step + 1]
-        h = times[step + 1] - times[step]
-        if abs(h - h_solver) > 1e-6 * h_solver:
-            return step, 2, 0, worst
-        known = _extrapolate(times, states, step, guess)
-        for i in range(n):
-            x_new[i] = guess[i]
-        invoke(address, (integers, reals, work, x, f))
-        rate = _solve_step(
-            address, integers, reals, work, s_address, s_integers, s_reals, scratch,
-            x, f, h, x_new, f_new, residual, correction,
-        )  # fmt: skip
-        if rate < 0:
-            return step, 4, 0, worst
-        # The third difference is the error of the guess, and 13 times that of the rule.
-        if known == 3:
-            for i in range(n):
-                worst = max(worst, abs(x_new[i] - guess[i]) / max(1.0, abs(x_new[i])) / 13)
-        if after:
-            invoke(after, (integers, reals, work, x_new, f_new))
-        fired = first_watch(table, w_integers, w_reals, x_new, verdict)
-        if fired:
-            return step + 1, 1, fired, worst
-        if rate > _SLOW and step > first + _PATIENCE:
-            return step + 1, 3, 0, worst
-    return len(times) - 1, 0, 0, worst
