@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml')
 
-.PHONY: demo test lint docs bench bench-peers clean
+.PHONY: demo test lint docs bench bench-peers bench-polish clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -31,6 +31,10 @@ bench: $(VENV)/.dev
 # gridfold beside other tools, on the cases that GRIDFOLD_CASES names.
 bench-peers: $(VENV)/.dev $(PEERS)/.ready
 	PYTHONPATH=benchmarks $(BIN)/python benchmarks/peers/compare_andes.py
+
+# Reduced models of a grid of 327 machines, from the cases that GRIDFOLD_CASES names.
+bench-polish: $(VENV)/.dev
+	$(BIN)/python benchmarks/polish.py
 
 clean:
 	rm -rf $(VENV) $(PEERS) build docs/_build docs/_generated gridfold-demo

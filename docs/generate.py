@@ -30,6 +30,8 @@ MADE_ELSEWHERE = {
     "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
     "verdicts": ("python benchmarks/verdicts.py", 2),
     "peers": ("make bench-peers", 2),
+    "psse_cases": ("python benchmarks/psse_cases.py", 2),
+    "polish": ("make bench-polish", 2),
 }
 
 _TABLES: dict[str, type] = {

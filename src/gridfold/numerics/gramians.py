@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
-from scipy.linalg.blas import ztrsv
+from scipy.linalg.blas import zgeru, ztpsv
 
 from gridfold.errors import OptionError
 
@@ -81,7 +81,7 @@ def _stable_schur(a: Matrix) -> tuple[ComplexMatrix, ComplexMatrix]:
     """Upper triangular S and unitary U with A = U S U^H."""
     if len(a) == 0:
         return np.zeros((0, 0), complex), np.zeros((0, 0), complex)
-    triangle, basis = linalg.schur(a, output="complex")
+    triangle, basis = linalg.rsf2csf(*linalg.schur(a))
     poles = np.diag(triangle)
     rightmost = poles[np.argmax(poles.real)]
     if not rightmost.real < 0:
@@ -114,23 +114,27 @@ def _hammarling(triangle: ComplexMatrix, right: ComplexMatrix) -> ComplexMatrix:
     last entry of R is rho = |g| / alpha. The column r above it solves
     (S1 + conj(l) I) r = -(s rho + alpha G1 q), with q = g^H / |g|. What is left is the same problem
     for S1, with the component G1 q of G1 replaced by G1 q - alpha r.
+
+    S is packed by columns, of which S1 is the front: what is solved with is never copied.
     """
-    s = np.asfortranarray(triangle)
-    g = np.array(right, dtype=np.complex128)
-    factor = np.zeros(s.shape, dtype=np.complex128)
-    for k in reversed(range(len(s))):
+    n, poles = len(triangle), np.diag(triangle)
+    packed = np.ascontiguousarray(triangle.T)[np.tril_indices(n)]
+    diagonal = np.cumsum(np.arange(1, n + 1)) - 1
+    g = np.array(right, dtype=np.complex128, order="C")
+    factor = np.zeros((n, n), dtype=np.complex128)
+    for k in reversed(range(n)):
         size = np.linalg.norm(g[k])
         if size == 0:
             continue
-        alpha = np.sqrt(-2 * s[k, k].real)
+        alpha = np.sqrt(-2 * poles[k].real)
         factor[k, k] = size / alpha
         if k == 0:
             break
         direction = g[k] / size
         component = g[:k] @ direction.conj()
-        shifted = s[:k, :k].copy(order="F")
-        shifted.flat[:: k + 1] += s[k, k].conj()
-        column = ztrsv(shifted, -(s[:k, k] * factor[k, k] + alpha * component))
+        packed[diagonal[:k]] = poles[:k] + poles[k].conj()
+        column = ztpsv(k, packed, -(triangle[:k, k] * factor[k, k] + alpha * component))
         factor[:k, k] = column
-        g[:k] -= np.outer(alpha * column, direction)
+        # In place: the transpose of rows in C order is in the order of the library.
+        zgeru(-alpha, direction, column, a=g[:k].T, overwrite_a=True)
     return factor
