@@ -1,0 +1,160 @@
+"""gridfold init, run, show and report, as a user types them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+SHORT = """schema = 1
+name = "short"
+[contingencies]
+bus_faults = "1-4,26"
+clearing_time = 0.05
+[model]
+kind = "detailed"
+[run]
+t_end = 1.0
+"""
+
+
+def plain(text):
+    """Text without the line breaks of the terminal."""
+    return " ".join(text.split())
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(SHORT)
+    return tmp_path
+
+
+def test_init_writes_a_study_once(command, here):
+    code, out, _ = command("init")
+    assert code == 0
+    assert "gridfold run study.toml" in out
+    before = (here / "study.toml").read_text()
+    code, _, err = command("init")
+    assert (code, "exists already" in err) == (2, True)
+    assert (here / "study.toml").read_text() == before
+
+
+def test_the_schema_is_printed(command, here):
+    code, out, _ = command("init", "--schema")
+    assert (code, json.loads(out)["title"]) == (0, "gridfold study")
+    assert list(here.iterdir()) == [here / "short.toml"]
+
+
+def test_a_study_is_run_shown_and_exported(command, here):
+    code, out, err = command("run", "short.toml")
+    assert (code, err) == (0, ""), "quiet where nobody watches"
+    assert "5 of 5 done" in out
+    assert (here / "short.results" / "study.sqlite").is_file()
+    code, out, _ = command("show", "short.results", "--sort", "lowest_voltage", "--limit", 2)
+    assert code == 0
+    assert "3 more rows" in out
+    files = ("--csv", "a.csv", "--parquet", "a.parquet", "--where", "stable = 0")
+    assert command("show", "short.results", *files)[0] == 0
+    frame = pd.read_csv(here / "a.csv")
+    assert frame["name"].tolist() == ["bus 26"]
+    assert pd.read_parquet(here / "a.parquet")["critical_machine"].tolist() == ["26:1"]
+    code, out, _ = command("show", "short.results", "--json", "-")
+    record = json.loads(out)
+    assert [row["name"] for row in record["results"]][-1] == "bus 26"
+    assert record["study"]["run"]["t_end"] == 1.0
+
+
+def test_a_line_of_json_for_each_contingency(command, here):
+    assert command("run", "short.toml", "--log-json", "log.jsonl", "-j", 1)[0] == 0
+    lines = [json.loads(line) for line in (here / "log.jsonl").read_text().splitlines()]
+    assert lines[0]["stage"] == "preparing"
+    assert lines[-1] == lines[-1] | {"stage": "done", "done": 5, "stable": 4, "unstable": 1}
+    names = [line["contingency"]["name"] for line in lines if "contingency" in line]
+    assert names == ["bus 1", "bus 2", "bus 3", "bus 4", "bus 26"]
+
+
+def test_results_are_not_mixed_or_written_over(command, here):
+    assert command("run", "short.toml")[0] == 0
+    code, _, err = command("run", "short.toml")
+    assert (code, "--resume" in err) == (2, True)
+    assert command("run", "short.toml", "--resume")[0] == 0
+    (here / "short.toml").write_text(SHORT.replace("1.0", "2.0"))
+    code, _, err = command("run", "short.toml", "--resume")
+    assert (code, "run.t_end was 1.0 and is 2.0" in plain(err)) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (SHORT.replace("bus_faults", "bus_fault"), "did you mean 'bus_faults'?"),
+        (SHORT.replace("1-4,26", "1-4,999"), "there is no bus 999"),
+        (SHORT + '[case]\nsource = "gone.raw"\n', "gone.raw"),
+        (SHORT + '[case]\ndevices = ["gone.py"]\n', "gone.py"),
+        (SHORT.replace('"detailed"', '"linear"') + '[study_area]\nareas = "77"\n', "77"),
+        ("[[[", "not TOML"),
+    ],
+)
+def test_a_broken_study_is_refused_before_anything_is_written(command, here, text, said):
+    (here / "short.toml").write_text(text)
+    code, _, err = command("run", "short.toml")
+    assert (code, said in plain(err)) == (2, True), err
+    assert not (here / "short.results").exists()
+
+
+def test_a_case_that_has_vanished_is_named_and_the_results_stay(command, here):
+    raw = here / "grid.raw"
+    source = f'[case]\nsource = "{raw.name}"\n'
+    (here / "short.toml").write_text(SHORT)
+    assert command("run", "short.toml")[0] == 0
+    (here / "short.toml").write_text(SHORT + source)
+    code, _, err = command("run", "short.toml", "--out", "other")
+    assert (code, "grid.raw" in err) == (2, True)
+    assert command("show", "short.results")[0] == 0
+
+
+@pytest.mark.parametrize("arguments", [("show",), ("report",), ("run", "short.toml", "--resume")])
+def test_a_folder_without_a_study_is_named(command, here, arguments):
+    where = ("--out", "nothing") if arguments[0] == "run" else ("nothing",)
+    code, _, err = command(*arguments, *where)
+    assert (code, "nothing holds no study" in err) == (2, True)
+
+
+def test_what_makes_no_sense_is_refused_with_what_does(command, here):
+    assert command("run", "short.toml")[0] == 0
+    for option, value, said in (
+        ("--sort", "angel", "there is no column 'angel'"),
+        ("--columns", "angel", "there is no column 'angel'"),
+        ("--where", "stble = 1", "no such column: stble"),
+    ):
+        code, _, err = command("show", "short.results", option, value)
+        assert (code, said in plain(err)) == (2, True)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_a_study_that_goes_on(command, here, number):
+    (here / "short.toml").write_text(SHORT.replace("1-4,26", "all").replace("1.0", "9.0"))
+    arguments = ["run", "short.toml", "--log-json", "log.jsonl"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "gridfold", *arguments],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ,
+    ) as process:
+        log = here / "log.jsonl"
+        while not (log.exists() and '"contingency"' in log.read_text()):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"go on with --resume" in err
+    last = json.loads(log.read_text().splitlines()[-1])
+    assert last["stage"] == "interrupted"
+    assert 0 < last["done"] < 140
+    code, out, _ = command("run", "short.toml", "--resume")
+    assert (code, "140 of 140 done" in out) == (0, True)
