@@ -1,6 +1,7 @@
 """Studies from beginning to end: all ways to run one give the same rows."""
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
@@ -31,7 +32,12 @@ SHORT = {
 }
 #: One whose networks are not those of the intact system, on a reduced model.
 REDUCED = SHORT | {
-    "contingencies": {"bus_faults": "3", "line_faults": "3,2", "clearing_time": 0.05},
+    "contingencies": {
+        "bus_faults": "3",
+        "line_faults": "3,2",
+        "machine_trips": "21",
+        "clearing_time": 0.05,
+    },
     "contingency": [],
     "model": {"kind": "adaptive", "order": 40, "angle_deg": 20},
     "check": {"sample": "all"},
@@ -112,24 +118,37 @@ def test_processes_give_the_same_rows_on_reduced_models_too(reduced, tmp_path):
     pd.testing.assert_frame_equal(rows(tmp_path / "p"), rows(reduced))
 
 
-def test_a_cluster_gives_the_same_rows(reduced, tmp_path):
+def test_a_cluster_that_loses_a_worker_gives_the_same_rows(reduced, tmp_path):
+    """One of two worker processes is killed once the first result is there."""
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    with (
-        distributed.LocalCluster(
-            n_workers=1,
-            threads_per_worker=2,
-            processes=False,
-            dashboard_address=None,
-            protocol="inproc",
-        ) as cluster,
-    ):
-        run_study(parse_study(REDUCED), tmp_path / "d", cluster=cluster.scheduler_address)
+    killed = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+
+        def kill(progress):
+            if progress.latest and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        run = run_study(parse_study(REDUCED), tmp_path / "d", cluster=address, on_progress=kill)
+    assert killed
+    assert run.complete
+    assert run.failed == 0
     pd.testing.assert_frame_equal(rows(tmp_path / "d"), rows(reduced))
+
+
+def test_a_scheduler_that_is_not_there_is_named(tmp_path):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    with pytest.raises(gf.OptionError, match="no scheduler at nowhere://1"):
+        run_study(parse_study(SHORT), tmp_path / "d", cluster="nowhere://1")
 
 
 def test_checked_contingencies_carry_their_error(reduced):
     frame = rows(reduced)
     assert (frame["checked"] == "completed").all()
+    assert frame["error_rms_deg"].notna().all(), "of a tripped machine's contingency too"
     assert (frame["error_rms_deg"] < frame["error_largest_deg"]).all()
     assert (frame["error_largest_deg"] < 1.0).all()
     assert (frame["detailed_s"] + frame["hybrid_s"] + frame["linear_s"]).tolist() == pytest.approx(

@@ -135,7 +135,8 @@ class _Solver:
         linear, _, _ = self._simulate(SwitchingRule(inf), events)
         curves = self._angles(detailed, "detailed") | self._angles(linear, "linear")
         figures: dict[str, Any] = {"checked": detailed.status.value}
-        units = self._units_of(detailed)
+        out = detailed.models[-1].state.units_out
+        units = [unit for unit in self._units_of(detailed) if unit not in out]
         if units and len(detailed.times) == len(run.times):
             errors = compare(detailed, run, units)
             figures |= {

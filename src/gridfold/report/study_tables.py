@@ -28,6 +28,8 @@ _SHOWN: dict[str, tuple[str, int]] = {
     "error_rms_deg": ("error\n(deg)", 2),
 }
 _FINE = 6
+#: Width to which texts may shrink.
+_NARROW = 10
 
 
 def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str, str]:
@@ -76,12 +78,13 @@ def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -
     for name, (heading, digits) in shown.items():
         number = frame[name].dtype.name in ("Float64", "Int64", "int64")
         widest = max([len(_cell(row[name], digits)) for row in rows], default=0)
-        # Names give way where the terminal is narrow, figures do not.
+        widest = max(widest, *map(len, heading.split("\n")))
+        # Texts give way where the terminal is narrow, figures do not.
         table.add_column(
             heading,
             justify="right" if number else "left",
-            no_wrap=name != "name",
-            min_width=None if name == "name" else max(widest, *map(len, heading.split("\n"))),
+            no_wrap=number,
+            min_width=widest if number else min(widest, _NARROW),
         )
     for row in rows:
         table.add_row(*(_cell(row[name], digits) for name, (_, digits) in shown.items()))
