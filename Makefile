@@ -3,9 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
-SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml')
+SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test lint docs bench bench-peers bench-polish clean
+.PHONY: demo test test-browser lint docs bench bench-peers bench-polish clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -15,6 +15,10 @@ demo: $(VENV)/.demo
 test: $(VENV)/.dev lint docs
 	find src -name '*.nb[ic]' -delete
 	$(BIN)/pytest
+
+# The report of a study in a Chromium that is there.
+test-browser: $(VENV)/.dev
+	$(BIN)/pytest tests/browser
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -142,6 +142,7 @@ class _Solver:
             figures |= {
                 "error_rms_deg": errors.worst.rms_deg,
                 "error_machine": str(errors.worst.unit),
+                "error_coi_deg": max(error.relative_rms_deg for error in errors.units),
                 "error_largest_deg": max(error.largest_deg for error in errors.units),
             }
             apart = run.rotor_angle_deg(units) - detailed.rotor_angle_deg(units)

@@ -57,9 +57,10 @@ class Figures:
         longest tried is given as that, with `clearing_time_bounded` false.
     checked : str
         How the detailed run of the same contingency ended, if there was one.
-    error_rms_deg, error_largest_deg : float
+    error_rms_deg, error_coi_deg, error_largest_deg : float
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
-        worst machine (`error_machine`), and the largest at any time.
+        worst machine (`error_machine`), the same of angles against the centre of inertia, and the
+        largest at any time.
     detailed_s, hybrid_s, linear_s : float
         Simulated seconds for which each model was in use.
     switches, steps : int
@@ -94,6 +95,7 @@ class Figures:
     margin: float | None = None
     checked: str | None = None
     error_rms_deg: float | None = None
+    error_coi_deg: float | None = None
     error_largest_deg: float | None = None
     error_machine: str | None = None
     detailed_s: float | None = None

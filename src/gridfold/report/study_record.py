@@ -1,0 +1,282 @@
+"""What the report of a study tells, as one record that is ready for JSON.
+
+All of it comes from the store; neither case nor model is needed.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.io.study_store import StudyStore
+from gridfold.report.event_words import event_places, event_words
+from gridfold.report.study_file_text import study_file_text
+from gridfold.report.study_tables import study_facts
+from gridfold.studies.published import SOURCE, TABLE_1
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Record = dict[str, Any]
+
+#: Characters that curves may take in the page, which a browser opens without delay.
+ROOM = 20_000_000
+#: Significant digits of a figure.
+_DIGITS = 6
+#: What stands for a missing sample of a curve, and the largest sample.
+_MISSING, _LARGEST = -32768, 32000
+#: Finest step of a curve in the page: degrees.
+_FINEST_DEG = 0.01
+_LOST = re.compile(r"lost synchronism: rotor_angle:(\S+) at (\S+) s")
+
+
+def study_record(store: StudyStore, room: int = ROOM) -> Record:
+    """The whole record of a study, finished or not.
+
+    Parameters
+    ----------
+    store : StudyStore
+        The results.
+    room : int
+        Characters that curves may take. Those of the first contingencies of the ranking are taken, the
+        unstable ones first, then by separation.
+
+    Returns
+    -------
+    dict
+        Ready for JSON; missing figures are None. Curves are 16-bit numbers with a factor, see
+        :func:`packed`.
+    """
+    about = store.identity
+    frame, listed = ranked(store.frame()), store.contingencies()
+    facts = study_facts(store)
+    return {
+        "study": about["study"]["name"],
+        "case": facts["Case"],
+        "model": facts["Model"],
+        "kind": about["settings"]["model"],
+        "counts": _counts(frame, len(listed)),
+        "finished": "last_run" in about and len(frame) == len(listed),
+        "accuracy": _accuracy(frame, about),
+        "warnings": _warnings(about),
+        "map": _map(about),
+        "fields": list(frame.columns),
+        "rows": _rows(frame),
+        "events": {item["number"]: _events(item["events"]) for item in listed},
+        **_all_curves(store, [int(number) for number in frame["number"]], room),
+        "paper": _paper(about, listed),
+        "provenance": _provenance(about),
+        "study_file": study_file_text(about["study"]),
+    }
+
+
+def ranked(frame: pd.DataFrame) -> pd.DataFrame:
+    """The unstable ones first, then by the largest separation; failed ones last."""
+    order = frame["stable"].astype("Int64").fillna(2)
+    return (
+        frame.assign(_order=order)
+        .sort_values(
+            ["_order", "largest_separation_deg", "number"],
+            ascending=[True, False, True],
+            na_position="last",
+        )
+        .drop(columns="_order")
+    )
+
+
+def packed(values: NDArray[Any], finest: float = _FINEST_DEG) -> Record:
+    """Samples as 16-bit numbers in little-endian order, base64, with the factor they are to take.
+
+    A missing sample is -32768.
+    """
+    finite = np.abs(values[np.isfinite(values)], dtype=float)
+    factor = max(finest, float(finite.max(initial=0.0)) / _LARGEST)
+    steps = np.where(np.isfinite(values), np.round(np.nan_to_num(values) / factor), _MISSING)
+    content = base64.b64encode(steps.astype("<i2").tobytes()).decode("ascii")
+    return {"factor": float(f"{factor:.9g}"), "content": content}
+
+
+def _counts(frame: pd.DataFrame, total: int) -> Record:
+    stable = int(frame["stable"].fillna(False).sum())
+    failed = int(frame["stable"].isna().sum())
+    return {
+        "total": total,
+        "stable": stable,
+        "unstable": len(frame) - stable - failed,
+        "failed": failed,
+        "waiting": total - len(frame),
+    }
+
+
+def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
+    """What the detailed runs beside those of the study say."""
+    checked = frame[frame["checked"].notna()]
+    same = checked["checked"].str.replace("_", " ") == checked["status"]
+    other = [str(name) for name in checked["name"][~same.fillna(False)]]
+    errors = checked[checked["error_rms_deg"].notna()]
+    record: Record = {
+        "asked": len(about["checked"]),
+        "checked": len(checked),
+        "other_verdict": other,
+        "compared": len(errors),
+    }
+    if len(errors):
+        worst = errors.sort_values("error_rms_deg").iloc[-1]
+        record |= {
+            "largest_rms_deg": _figure(worst["error_rms_deg"]),
+            "median_rms_deg": _figure(errors["error_rms_deg"].median()),
+            "worst": int(worst["number"]),
+            "worst_name": str(worst["name"]),
+            "worst_machine": _figure(worst["error_machine"]),
+        }
+    return record
+
+
+def _warnings(about: Mapping[str, Any]) -> Record:
+    settings = about["settings"]
+    kinds = ("warnings", "limits_moved", "case_notices")
+    others = [item for kind in kinds for item in settings.get(kind, ())]
+    return {
+        "validated": settings["validated"],
+        "replacements": [
+            f"{item['model']}: {item['outcome']}, {item['records']} records from {item['first']}, "
+            f"{item['share']:.1%} of {item['of']}"
+            for item in settings["replacements"]
+        ],
+        "unsupported": [str(item) for item in settings["unsupported"]],
+        "others": list(dict.fromkeys(map(str, others))),
+    }
+
+
+def _map(about: Mapping[str, Any]) -> Record:
+    """The map of the store, with the buses of the machines that are kept nonlinear."""
+    kept = about["settings"].get("kept", [])
+    return {**about["map"], "kept": sorted({int(unit.partition(":")[0]) for unit in kept})}
+
+
+def _events(events: Sequence[Mapping[str, Any]]) -> Record:
+    faults = [[e["start"], e["start"] + e["duration"]] for e in events if "duration" in e]
+    words = [event_words(event) for event in events]
+    return {"words": words, "faults": faults, **event_places(events)}
+
+
+def _rows(frame: pd.DataFrame) -> list[list[Any]]:
+    plain = frame.astype(object).where(frame.notna(), None)
+    return [[_figure(value) for value in row] for row in plain.itertuples(index=False)]
+
+
+def _figure(value: Any) -> Any:
+    """A figure ready for JSON: None if it is missing, a few significant digits."""
+    if value is None:
+        return None
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None
+    return _words(str(value))
+
+
+def _words(text: str) -> str:
+    return _LOST.sub(r"machine \1 lost synchronism at \2 s", text)
+
+
+def _all_curves(store: StudyStore, numbers: Sequence[int], room: int) -> Record:
+    """Curves by number as far as there is room, their times, and whether some are left out."""
+    times: list[list[float]] = []
+    curves: dict[int, Record] = {}
+    for number in numbers:
+        if room <= 0:
+            break
+        found = _curves(store.curves(number), times)
+        if found is not None:
+            curves[number] = found
+            room -= sum(len(run["content"]) for run in found["runs"].values())
+    return {"times": times, "curves": curves, "some_left_out": room <= 0}
+
+
+def _curves(curves: Mapping[str, NDArray[Any]] | None, times: list[list[float]]) -> Record | None:
+    """The curves of a contingency; its times are put into `times` if they are new there."""
+    if curves is None:
+        return None
+    record: Record = {"units": curves["units"].tolist(), "runs": {}}
+    for name in ("run", "detailed", "linear"):
+        if f"{name}_angles" in curves:
+            where = _position(curves[f"{name}_times"], times)
+            # Sample after sample of one machine, then of the next.
+            record["runs"][name] = {"times": where, **packed(curves[f"{name}_angles"].T)}
+    if "error" in curves:
+        record["error"] = packed(curves["error"], finest=1e-4)
+    record["switches"] = [
+        [round(float(time), 6), str(model), str(reason)]
+        for time, model, reason in zip(
+            curves["switch_times"], curves["switch_models"], curves["switch_reasons"], strict=True
+        )
+    ]
+    return record
+
+
+def _position(samples: NDArray[Any], times: list[list[float]]) -> int:
+    """Where these times stand in `times`: most runs have the same."""
+    wanted = [round(float(sample), 5) for sample in samples]
+    if wanted not in times:
+        times.append(wanted)
+    return times.index(wanted)
+
+
+def _paper(about: Mapping[str, Any], listed: Sequence[Mapping[str, Any]]) -> Record | None:
+    """Clearing times in Table I of the paper by contingency; None for another case."""
+    if about["case"] != "npcc":
+        return None
+    times = {
+        item["number"]: TABLE_1[item["events"][0]["bus"]].cct
+        for item in listed
+        if _is_of_table_1(item["events"])
+    }
+    return {"source": f"{SOURCE}, Table I", "times": times} if times else None
+
+
+def _is_of_table_1(events: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether this is a bolted fault at a bus of the table that clears by itself."""
+    if len(events) != 1 or events[0]["kind"] != "bus-fault":
+        return False
+    event = events[0]
+    plain = not (event["trip_bus"] or event["resistance"] or event["reactance"])
+    return plain and event["bus"] in TABLE_1
+
+
+def _provenance(about: Mapping[str, Any]) -> list[list[str]]:
+    """Pairs of a term and what is said about it."""
+    settings, last = about["settings"], about.get("last_run", {})
+    pairs = [
+        ["gridfold", about["gridfold"]],
+        ["Case data", f"{about['case']}, fingerprint {about['fingerprint']}"],
+        ["Loads", about["study"]["case"]["loads"]],
+        ["Study area", f"buses {settings['study_buses']}" if settings["study_buses"] else "none"],
+        ["Integration", f"{settings['step'] * 1000:g} ms, {settings['method_reason']}"],
+    ]
+    if "column_norm" in settings:
+        angle = settings.get("angle_deg")
+        switching = "never switching" if angle is None else f"switching at {angle:g} degrees"
+        pairs.append(["Thresholds", f"column norm {settings['column_norm']:g} p.u., {switching}"])
+    if "kept" in settings:
+        kept = ", ".join(settings["kept"]) or "none"
+        pairs.append(["Machines kept nonlinear", kept])
+    if settings.get("order") is not None:
+        bound = settings.get("bound")
+        text = f"order {settings['order']}"
+        pairs.append(["Reduction", text if bound is None else f"{text}, error bound {bound:.3g}"])
+    if last:
+        pairs += [
+            ["Last run ended", last["finished"]],
+            ["Workers", last["workers"]],
+            ["Machine", last["machine"]],
+            ["Python, NumPy", f"{last['python']}, {last['numpy']}"],
+        ]
+    return [[term, str(text)] for term, text in pairs]

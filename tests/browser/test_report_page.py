@@ -1,0 +1,251 @@
+"""The report of a study in a real browser.
+
+A Chromium that is there is driven through playwright; GRIDFOLD_CHROMIUM names one that is not on the
+path.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from study_stores import REPLACED, WICKED, failed, finish, new_store, small_study
+
+from gridfold.report.study_report import write_report
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="the package playwright is missing: pip install gridfold[browser]"
+)
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+WIDE, NARROW = 1280, 400
+#: Points of curves that are drawn; the legend has others.
+LINES = "#curves .scatterlayer .trace path.js-line"
+
+
+def executable() -> str | None:
+    named = os.environ.get("GRIDFOLD_CHROMIUM")
+    return named or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+# Closed with this module: while it is open, playwright keeps an event loop in the main thread.
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    path = executable()
+    if path is None:
+        pytest.skip("no Chromium is found: install the package chromium, or set GRIDFOLD_CHROMIUM")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Addresses of reports by kind of study."""
+    folder = tmp_path_factory.mktemp("reports")
+    stores = {
+        "small": small_study(folder / "small"),
+        "empty": new_store(folder / "empty", case="other", **REPLACED),
+        "failed": new_store(folder / "failed", 1),
+    }
+    stores["failed"].add([failed(1)])
+    finish(stores["failed"])
+    for name, store in stores.items():
+        with store:
+            write_report(store, folder / f"{name}.html")
+    return {name: (folder / f"{name}.html").as_uri() for name in stores}
+
+
+class Visit:
+    """A page, with what it has complained of and asked for."""
+
+    def __init__(self, browser: Any, address: str):
+        self.page = browser.new_page(viewport={"width": WIDE, "height": 800})
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", self._heard)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(address)
+
+    def _heard(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.complaints.append(message.text)
+
+
+@pytest.fixture(scope="module")
+def small_visit(browser: Any, pages: dict[str, str]) -> Iterator[Visit]:
+    """The report of a small study. It is opened once: a browser takes a second for plotly.js."""
+    visit = Visit(browser, pages["small"])
+    yield visit
+    visit.page.close()
+
+
+@pytest.fixture
+def small(small_visit: Visit) -> Any:
+    """Its page, as if it had just been opened."""
+    page = small_visit.page
+    page.set_viewport_size({"width": WIDE, "height": 800})
+    page.click("#chips [data-verdict=all]")
+    page.fill("#filter", "")
+    page.evaluate("shown.sort = null; wanted.linear = false; fill(); choose(rows[0].number)")
+    page.wait_for_function("shown.chosen === rows[0].number")
+    return page
+
+
+def choose(page: Any, number: int) -> None:
+    page.click(f"#body tr[data-number='{number}'] a")
+    page.wait_for_function(f"shown.chosen === {number}")
+
+
+def numbers(page: Any) -> list[int]:
+    return [int(row) for row in page.locator("#body tr td:first-child").all_inner_texts()]
+
+
+def overflow(page: Any) -> int:
+    script = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    return int(page.evaluate(script))
+
+
+def check_quiet(visit: Visit, address: str) -> None:
+    assert visit.complaints == []
+    assert [url for url in visit.requests if not url.startswith("data:")] == [address]
+
+
+def test_page_is_drawn_without_a_complaint_or_a_request(small_visit, pages):
+    page = small_visit.page
+    assert page.inner_text("h1") == "two <areas>"
+    assert page.locator(".js-plotly-plot .main-svg").count() >= 3
+    assert page.locator(".banner").count() == 0
+    check_quiet(small_visit, pages["small"])
+
+
+def test_study_without_results_has_a_page(browser, pages):
+    visit = Visit(browser, pages["empty"])
+    words = visit.page.inner_text("#banners")
+    assert "Not validated" in words
+    assert "GENTRA" in words
+    assert "Not finished: 0 of 4" in words
+    assert "No contingency has a result yet" in visit.page.inner_text("#caption")
+    assert visit.page.locator("#map .main-svg").count() > 0
+    assert visit.page.is_hidden("#selected")
+    assert visit.page.is_hidden("#clearing-section")
+    check_quiet(visit, pages["empty"])
+    visit.page.close()
+
+
+def test_study_of_failures_has_a_page(browser, pages):
+    visit = Visit(browser, pages["failed"])
+    assert "All contingencies failed" in visit.page.inner_text("#banners")
+    assert visit.page.inner_text("#selected-reason") == "The model does not start."
+    assert visit.page.is_hidden("#curves-figure")
+    check_quiet(visit, pages["failed"])
+    visit.page.close()
+
+
+def test_verdicts_and_evidence_are_told(small):
+    tiles = small.locator("#verdicts li").all_inner_texts()
+    assert [int(tile.split()[0]) for tile in tiles] == [2, 2, 1]
+    assert "largest 1.25° (bus 1, machine 2:1), median 1.25°" in small.inner_text("#evidence")
+
+
+def test_table_sorts_by_mouse_and_keyboard(small):
+    assert numbers(small) == [4, 2, 5, 1, 3]
+    small.click("th[data-field=number] button")
+    assert numbers(small) == [1, 2, 3, 4, 5]
+    assert small.get_attribute("th[data-field=number]", "aria-sort") == "ascending"
+    small.focus("th[data-field=largest_separation_deg] button")
+    small.keyboard.press("Enter")
+    assert numbers(small) == [4, 2, 5, 1, 3]
+    small.keyboard.press("Space")
+    assert numbers(small) == [1, 5, 2, 4, 3]  # without a figure: last, either way
+    assert small.get_attribute("th[data-field=number]", "aria-sort") is None
+    fields = small.eval_on_selector_all("#heads th", "heads => heads.map(h => h.dataset.field)")
+    assert "damping_ratio" not in fields  # nowhere given
+
+
+def test_table_is_filtered(small):
+    small.click("#chips [data-verdict=unstable]")
+    assert numbers(small) == [4, 2]
+    small.click("#chips [data-verdict=all]")
+    small.fill("#filter", "does not start")
+    assert numbers(small) == [3]
+    assert "1 of 5" in small.inner_text("#caption")
+
+
+def test_a_chosen_contingency_shows_its_curves(small):
+    assert "not in the sample" in small.inner_text("#curves-note")
+    small.click("#body tr[data-number='1'] td:nth-child(3)")  # anywhere in the row
+    small.wait_for_function("shown.chosen === 1")
+    assert small.url.endswith("#1")
+    assert "bus 1" in small.inner_text("#selected-title")
+    assert small.locator(LINES).count() == 7  # three machines, two runs, the error
+    small.check("#overlays [data-run=linear]")
+    assert small.locator(LINES).count() == 10
+    assert "0.13 s" in small.inner_text("#figures")  # what the paper has
+    assert small.locator("#switches li").count() == 2
+    choose(small, 3)
+    assert small.is_hidden("#curves-figure")
+
+
+def test_arrow_keys_go_through_the_table(small):
+    choose(small, 2)
+    small.focus("#body tr[data-number='2'] a")
+    small.keyboard.press("ArrowDown")
+    small.wait_for_function("location.hash === '#5' && shown.chosen === 5")
+    assert small.locator("#body a[aria-current=true]").all_inner_texts() == ["bus 5"]
+
+
+def test_names_are_texts(small):
+    assert WICKED in small.inner_text("#selected-title")
+    assert small.locator("#body tr[data-number='4'] a").inner_text() == f"bus 4 {WICKED}"
+    legend = small.text_content("#curves .legend")
+    assert WICKED in legend.replace("\u2060", "")
+    assert small.locator("a[href*='127.0.0.1']").count() == 0
+    links = "[...document.querySelectorAll('svg a')].length"
+    assert small.evaluate(links) == 0
+
+
+def test_clearing_times_stand_beside_those_of_the_paper(small):
+    assert small.locator("#clearing .bars .point").count() == 2
+    assert small.locator("#clearing .scatterlayer .point").count() == 2
+    assert "at most 0.11 s apart" in small.inner_text("#clearing-words")
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_page_does_not_overflow(small, width):
+    small.set_viewport_size({"width": width, "height": 800})
+    choose(small, 1)
+    small.wait_for_function(
+        "document.querySelector('#curves .main-svg').clientWidth <= at('curves').clientWidth"
+    )
+    assert overflow(small) == 0
+
+
+def test_print_has_no_controls_and_all_that_is_folded(small, small_visit, tmp_path: Path):
+    path = tmp_path / "report.pdf"
+    small.pdf(path=str(path), format="A4")
+    assert path.read_bytes().startswith(b"%PDF")
+    small.emulate_media(media="print")
+    small.evaluate("beforePrint()")
+    assert small.is_visible("#study-file")  # unfolded
+    assert small.is_hidden("#chips")
+    assert small.is_hidden("#filter")
+    assert small.is_visible("#table")
+    small.emulate_media(media="screen")
+    small.evaluate("afterPrint()")
+    assert small.is_hidden("#study-file")
+    assert small.is_visible("#chips")
+    assert small_visit.complaints == []

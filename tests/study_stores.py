@@ -1,0 +1,172 @@
+"""Small stores of studies, written without a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gridfold.contingencies.study_file import Study
+from gridfold.contingencies.summary import Figures, column_types
+from gridfold.io.study_store import Result, StudyStore
+
+#: Would end the record's script, be an element, or markup of Plotly, if it were not escaped.
+WICKED = "</script><b>wicked</b> & <a href='http://127.0.0.1/'>x</a>"
+#: Machines of the study area.
+UNITS = ("1:1", "2:1", WICKED)
+
+SETTINGS: dict[str, Any] = {
+    "model": "adaptive",
+    "method": "rk4",
+    "step": 0.01,
+    "method_reason": "asked for",
+    "study_buses": "1-2",
+    "machines": 3,
+    "states": 27,
+    "warnings": ["a warning"],
+    "validated": True,
+    "load_model": "z",
+    "replacements": [],
+    "unsupported": [],
+    "limits_moved": [],
+    "case_notices": [],
+    "column_norm": 1.0,
+    "angle_deg": 67.0,
+    "kept": ["3:1"],
+    "tie_lines": 1,
+    "external_machines": 1,
+    "order": 5,
+    "bound": 1e-5,
+}
+REPLACED = {
+    "validated": False,
+    "replacements": [
+        {
+            "model": "GENTRA",
+            "outcome": "replaced by a classical machine",
+            "records": 2,
+            "first": "3:1",
+            "active_mw": 10.0,
+            "share": 0.25,
+            "of": "generation",
+        }
+    ],
+}
+
+
+def new_store(folder: Path, count: int = 4, case: str = "npcc", **settings: Any) -> StudyStore:
+    """A store of faults at buses 1, 2, 3, ...; the fourth has a name that needs escaping."""
+    identity = {
+        "gridfold": "0.1.0",
+        "case": case,
+        "fingerprint": "f" * 64,
+        "study_hash": "0" * 64,
+        "study": Study(name="two <areas>").content(),
+        "settings": SETTINGS | settings,
+        "map": grid(),
+        "checked": [1],
+    }
+    return StudyStore.create(
+        folder, identity, [fault(number) for number in range(1, count + 1)], column_types()
+    )
+
+
+def finish(store: StudyStore) -> None:
+    """Note the end of a run."""
+    last = {"workers": "1 thread", "machine": "Linux", "python": "3.11", "numpy": "2.0"}
+    store.tell("last_run", last | {"finished": "2026-01-01T00:00:00+00:00"})
+
+
+def fault(number: int) -> dict[str, Any]:
+    """A contingency."""
+    event = {"kind": "bus-fault", "bus": number, "start": 0.0, "duration": 0.1}
+    event |= {"resistance": 0.0, "reactance": 0.0, "trip_bus": False}
+    name = f"bus {number}" if number != 4 else f"bus 4 {WICKED}"
+    return {"number": number, "name": name, "kind": "bus fault", "events": [event]}
+
+
+def grid() -> dict[str, Any]:
+    """Five buses in a row; the first two are the study area."""
+    buses = [
+        {"number": k, "name": f"B{k}", "x": float(k), "y": 0.0, "study": k < 3, "machine": k < 4}
+        for k in range(1, 6)
+    ]
+    return {"geographic": False, "buses": buses, "branches": [[k, k + 1] for k in range(1, 5)]}
+
+
+def stable(number: int, separation: float, checked: bool = False, **further: Any) -> Result:
+    """A contingency that keeps synchronism."""
+    figures = Figures(
+        status="completed",
+        stable=True,
+        ended_at=2.0,
+        critical_machine="1:1",
+        largest_separation_deg=separation,
+        lowest_voltage=0.9,
+        detailed_s=0.1,
+        linear_s=1.9,
+        notices='[[0.0, "fault"]]',
+        **further,
+    )
+    row = asdict(figures)
+    if checked:
+        row |= {"checked": "completed", "error_rms_deg": 1.25, "error_largest_deg": 2.5}
+        row["error_machine"] = "2:1"
+    return Result(number, row, curves(checked))
+
+
+def unstable(number: int, separation: float) -> Result:
+    """A contingency that loses synchronism."""
+    figures = Figures(
+        status="lost synchronism",
+        stable=False,
+        ended_at=0.5,
+        reason="lost synchronism: rotor_angle:2:1 at 0.5 s",
+        critical_machine="2:1",
+        largest_separation_deg=separation,
+        notices="[]",
+    )
+    return Result(number, asdict(figures), curves(checked=False))
+
+
+def failed(number: int, reason: str = "the model does not start") -> Result:
+    """A contingency that could not be simulated."""
+    return Result(number, asdict(Figures(status="failed", reason=reason)))
+
+
+def curves(checked: bool) -> dict[str, Any]:
+    """Sines, with a machine that is out of service from the middle on."""
+    times = np.linspace(0, 2, 41).astype(np.float32)
+    angles = np.stack([30 * np.sin(4 * times + k) for k in range(len(UNITS))], axis=1)
+    angles[20:, 2] = np.nan
+    found: dict[str, Any] = {
+        "run_times": times,
+        "run_angles": angles.astype(np.float32),
+        "units": np.array(UNITS),
+        "switch_times": np.array([0.0, 0.1]),
+        "switch_models": np.array(["detailed", "linear"]),
+        "switch_reasons": np.array(["fault on", "within the threshold"]),
+    }
+    if checked:
+        for name in ("detailed", "linear"):
+            found |= {f"{name}_times": times, f"{name}_angles": found["run_angles"] + 1}
+        found["error"] = np.full(len(times), 1.5, np.float32)
+    return found
+
+
+def small_study(folder: Path) -> StudyStore:
+    """A finished study: a stable one that is checked, two unstable ones, a failed one, one more."""
+    store = new_store(folder, 5)
+    store.add(
+        [
+            stable(1, 40.0, checked=True, critical_clearing_time=0.12, clearing_time_bounded=True),
+            unstable(2, 200.0),
+            failed(3),
+            unstable(4, 210.0),
+            stable(5, 50.0, critical_clearing_time=0.2, clearing_time_bounded=False),
+        ]
+    )
+    finish(store)
+    return store
