@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from area_cases import Unreduced, boundary_voltages
+from row_of_areas import row_of_areas
 from scipy.linalg import expm
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
+from gridfold.dynamics.registry import DEVICES
 from gridfold.grid.timeline import build_timeline
 from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation
@@ -168,6 +170,21 @@ def test_functions_that_are_linear_anyway_are_not_counted_as_kept(npcc, reduced)
     assert 0 < sum(differ) < len(differ)
     assert reduced.linear(npcc).nonlinear_functions == 0
     assert reduced.hybrid(npcc).nonlinear_functions == 3 * len(reduced.kept) + sum(differ)
+
+
+def test_functions_that_are_nonlinear_far_from_the_start_only_are_kept():
+    """Regulators whose device declares no limits, which a fault takes from 2 to 4 p.u."""
+    models = {**DEVICES} | {name: replace(DEVICES[name], limits=()) for name in ("exdc2", "tgov1")}
+    case = row_of_areas(regulator_maximum=4.0)
+    model = gf.build_model(case, devices=models)
+    parts = partition(model, [bus.number for bus in case.buses if bus.area == 1])
+    events = [gf.BusFault(25, duration=0.1)]
+    everything = reduce_external(parts, Unreduced(), column_norm=0.0)
+    run = run_small(model, everything.hybrid, events, 3.0)
+    detailed = detailed_angles(model, events, 3.0)
+    reached = detailed.states[:, model.slots("regulator_voltage", parts.external_units)].max()
+    assert 3.0 < reached < 4.5
+    assert largest_angle_error_deg(model, run, detailed) < 1e-7
 
 
 def test_whole_hybrid_with_all_machines_kept_equals_the_detailed_run(npcc, parts):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -22,6 +22,8 @@ from gridfold.systems.statemap import StateMap
 
 #: Random shift of the state by which functions are told to be linear, and what counts as a change.
 _PROBE, _CHANGE = 0.1, 1e-9
+#: Distances in per unit (of angles: radians) at which the functions of kept units are probed.
+_FAR_PROBES = (0.1, 0.3, 1.0, 2.0, 5.0)
 
 
 class Outputs(Enum):
@@ -308,6 +310,19 @@ def _probes(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float
     return model.x0, model.x0 + shift
 
 
+def _far_probes(model: DetailedModel) -> Iterator[NDArray[np.float64]]:
+    """States at several distances from the equilibrium, with every state above and below it.
+
+    A saturation or a dead band between two probes that are close together would not be seen.
+    """
+    generator = np.random.default_rng(0)
+    for distance in _FAR_PROBES:
+        shift = distance * generator.uniform(0.5, 1.0, model.n_states)
+        sign = generator.choice((-1.0, 1.0), model.n_states)
+        for signed in (shift, -shift, sign * shift, -sign * shift):
+            yield model.x0 + signed
+
+
 def _read_states(model: DetailedModel) -> set[int]:
     """States on which Norton currents depend."""
     slopes = sum(abs(model.partials(x).currents).sum(axis=0) for x in _probes(model))
@@ -316,12 +331,17 @@ def _read_states(model: DetailedModel) -> set[int]:
 
 def _nonlinear_rows(model: DetailedModel, units: Sequence[UnitKey]) -> list[int]:
     """States whose functions are not linear in states and voltages; with limits of `units`, all."""
-    first, second = (model.partials(x) for x in _probes(model))
-    change = abs(first.states - second.states).sum(axis=1)
-    change = change + abs(first.voltages - second.voltages).sum(axis=1)
+    start = model.partials(model.x0)
+    linear = np.ones(model.n_states, dtype=bool)
+    for x in _far_probes(model):
+        there = model.partials(x)
+        change = abs(start.states - there.states).sum(axis=1)
+        change = change + abs(start.voltages - there.voltages).sum(axis=1)
+        # What is not finite there is not linear either.
+        linear &= change <= _CHANGE
     limited = {u for block in model.layout.blocks if block.device.limits for u in block.units}
-    change[list(_states_of(model, [unit for unit in units if unit in limited]))] = np.inf
-    return np.flatnonzero(change > _CHANGE).tolist()
+    linear[list(_states_of(model, [unit for unit in units if unit in limited]))] = False
+    return np.flatnonzero(~linear).tolist()
 
 
 def _caused_voltages(

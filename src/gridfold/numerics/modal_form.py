@@ -13,6 +13,8 @@ from gridfold.numerics.blas import one_blas_thread
 CONDITION_LIMIT = 1e10
 #: Largest relative residual of the form that is accepted.
 RESIDUAL_LIMIT = 1e-8
+#: Largest entry of V^-1 V - I that is accepted.
+INVERSE_LIMIT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +79,8 @@ def modal_form(
     Returns
     -------
     ModalForm or None
-        None if V is too ill-conditioned or the residual too large: the caller goes on with the
-        dense matrix.
+        None if V is too ill-conditioned, its inverse too inexact or the residual too large: the
+        caller goes on with the dense matrix.
     """
     n = len(a)
     values, vectors = np.linalg.eig(a)
@@ -91,6 +93,9 @@ def modal_form(
     basis[:, first + 1] = (vectors * phase).imag[:, first]
     if n and not np.linalg.cond(basis) <= condition_limit:
         return None
-    form = ModalForm(basis, np.linalg.inv(basis), values.real.copy(), values.imag.copy(), partner)
+    inverse = np.linalg.inv(basis)
+    if not np.abs(inverse @ basis - np.eye(n)).max(initial=0.0) <= INVERSE_LIMIT:
+        return None
+    form = ModalForm(basis, inverse, values.real.copy(), values.imag.copy(), partner)
     residual = np.linalg.norm(basis @ form.matrix() @ form.inverse - a)
     return form if residual <= residual_limit * np.linalg.norm(a) else None

@@ -30,6 +30,7 @@ from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple, linearize_external
 from gridfold.reduction import BalancedTruncation, Reducer, Reduction
 from gridfold.simulation.segment import Coordinates
+from gridfold.systems.dense import DenseSystem
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
@@ -239,7 +240,7 @@ class WholeSystem:
     """The whole system without partition: equations (16) and (17) of Osipov & Sun.
 
     The hybrid model keeps the functions of the study area and of the kept machines; the linear model
-    linearizes everything, and is stepped by modes.
+    linearizes everything, and is stepped by modes; by its full matrix if modes coincide.
     """
 
     parts: Partition
@@ -260,12 +261,14 @@ class WholeSystem:
         return self.parts.study_units
 
     def linear(self, model: DetailedModel) -> SmallModel:
-        """Everything linear, equation (17), in modal coordinates."""
-        form = modal_form(self._jacobian(model))
+        """Everything linear, equation (17), in modal coordinates where the modes can be told apart."""
+        jacobian, drift = self._jacobian(model), model.compiled(self.origin)
+        form = modal_form(jacobian)
         if form is None:
-            raise OptionError("the modes of the whole system are too close to be told apart")
+            dense = DenseSystem(jacobian, drift)
+            return SmallModel(dense, StateMap.identity(self.origin), 0, model.layout.source_units)
         states = StateMap(self.origin, form.basis, form.inverse)
-        system = ModalSystem(form, form.inverse @ model.compiled(self.origin))
+        system = ModalSystem(form, form.inverse @ drift)
         return SmallModel(system, states, 0, model.layout.source_units)
 
     def hybrid(self, model: DetailedModel) -> SmallModel:
