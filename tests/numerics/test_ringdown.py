@@ -13,7 +13,9 @@ STEP = 0.01
 def swing(hertz, damping, amplitude=10.0, phase=0.3, t_end=16.0):
     times = np.arange(0, t_end, STEP)
     natural = 2 * np.pi * hertz / np.sqrt(1 - damping**2)
-    return amplitude * np.exp(-damping * natural * times) * np.cos(2 * np.pi * hertz * times + phase)
+    return (
+        amplitude * np.exp(-damping * natural * times) * np.cos(2 * np.pi * hertz * times + phase)
+    )
 
 
 @settings(max_examples=40, deadline=None)

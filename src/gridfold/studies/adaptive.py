@@ -139,7 +139,7 @@ class AdaptivePlan:
         return watched_segment(model, small, end, label, switch, self.criterion, further)
 
     def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
-        """Limits that act at operating points, and those that linear phases passed."""
+        """Limits that act at operating points, and those that small models passed."""
         every = not self.rule.limits
         phases = [
             limits.passed(piece, every)

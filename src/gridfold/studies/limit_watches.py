@@ -1,4 +1,4 @@
-"""Limits of the units that are linear in a small model, which does not know of them."""
+"""Limits that a small model does not know of, or cannot follow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LISTED = 3
 
 @dataclass(frozen=True)
 class LinearLimits:
-    """Limits of the linear units of a small model.
+    """Limits of the units of a small model on which they do not act as they should.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class LinearLimits:
         """Those of `names` that act at one of the states, and the first row at which they do."""
         if not names:
             return {}
-        found = limits_along(self.model, states, self.small.linear_units)
+        found = limits_along(self.model, states, self.small.unlimited)
         return {
             name: int(np.argmax(acts))
             for name, acts in found.items()
@@ -90,11 +90,11 @@ def linear_limits(
     origin: NDArray[np.float64],
     without: Collection[str],
 ) -> LinearLimits | None:
-    """Limits of the units that are linear in `small`, linearized about `origin`; None if none.
+    """Limits that do not act as they should in `small`, linearized about `origin`; None if none.
 
     Those named `without` are left out.
     """
-    units = small.linear_units
+    units = small.unlimited
     everything = set(limits_along(model, origin[None, :], units)) - set(without)
     if not everything:
         return None
@@ -127,7 +127,7 @@ def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
     for name, time in sorted(first.items(), key=lambda item: item[1]):
         names.setdefault(time, []).append(name)
     return [
-        Notice(time, f"passed in a linear phase, where the run is not right: {listed(group)}")
+        Notice(time, f"passed while a small model was in use: the run is not right from there: {listed(group)}")
         for time, group in names.items()
     ]
 

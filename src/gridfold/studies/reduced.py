@@ -44,13 +44,14 @@ COLUMN_NORM = 1.0
 class SmallModel:
     """A model, and the way between its states and those of the whole system.
 
-    `linear_units` are the units of which no function is evaluated as it is.
+    `unlimited` are the units whose limits do not act in it as they should: linear ones, and those
+    whose nonlinear part acts through a reduction, which holds for small corrections only.
     """
 
     system: System
     coordinates: Coordinates
     nonlinear_functions: int
-    linear_units: tuple[UnitKey, ...] = ()
+    unlimited: tuple[UnitKey, ...] = ()
 
     @cached_property
     def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -169,8 +170,10 @@ class ReducedExternal:
             outputs=self.outputs,
             held=held,
         )
-        linear = tuple(unit for unit in self.parts.external_units if unit not in corrected)
-        return SmallModel(built, built, built.nonlinear_functions, linear)
+        truncated = self.reduction.order < len(self.area.index)
+        exact = () if truncated else corrected
+        unlimited = tuple(unit for unit in self.parts.external_units if unit not in exact)
+        return SmallModel(built, built, built.nonlinear_functions, unlimited)
 
 
 def reduce_external(
