@@ -5,6 +5,7 @@ All of them are written into ``docs/_generated``, which no one edits and which i
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
 import types
@@ -16,11 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import gridfold
+from gridfold.contingencies.study_file import json_schema
+from gridfold.contingencies.summary import Figures, column_types
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
+from gridfold.studies.model_kind import ANGLES_DEG, TOLERANCE
+from gridfold.studies.reduced import COLUMN_NORM
 
 #: Fragments that a command of the project makes: that command, and the level of their headings.
 MADE_ELSEWHERE = {
@@ -97,6 +102,35 @@ _EVENT_FIELDS = {
     "reactive_mvar": "Added reactive power at the initial voltage, in Mvar",
 }
 
+#: Defaults that depend on other keys.
+_STUDY_DEFAULTS = {
+    "study_area.buses": "built-in cases: area 1",
+    "study_area.areas": "built-in cases: area 1",
+    "study_area.zones": "built-in cases: area 1",
+    "model.column_norm": f"calibrated, else {COLUMN_NORM:g}",
+    "model.angle_deg": "calibrated, else "
+    + ", ".join(f"{angle:g} (`{kind.value}`)" for kind, angle in ANGLES_DEG.items()),
+    "model.tolerance": f"{TOLERANCE:g}".replace("e-0", "e-"),
+    "run.step": "by the method",
+}
+#: Columns of a study's table that are not figures.
+_STUDY_COLUMNS = (
+    ("`number`", "whole number", "Number of the contingency in the study, from 1."),
+    ("`name`", "text", "Its name."),
+    (
+        "`kind`",
+        "text",
+        "`bus fault`, `bus fault with trip`, `line fault`, `machine trip`, else `events`.",
+    ),
+)
+_TYPES = {int: "whole number", float: "number", str: "text", bool: "`true` / `false`"}
+_JSON_TYPES = {
+    "integer": "whole number",
+    "number": "number",
+    "string": "text",
+    "boolean": "`true` / `false`",
+}
+
 _BOUNDS = {Bound.ANY: "any", Bound.NOT_NEGATIVE: "≥ 0", Bound.POSITIVE: "> 0"}
 _SYMBOLS = {"THETAP": r"\theta_P", "dVRMAX": r"\Delta V_{\mathrm{RMAX}}"}
 _SCALINGS = {Scaling.NONE: "none", Scaling.POWER: "$\\times k$", Scaling.IMPEDANCE: "$\\div k$"}
@@ -111,6 +145,9 @@ def write_all(docs: Path) -> None:
         _write(folder / f"device-{device.model}.md", device_tables(device))
     _write(folder / "tables.md", case_tables())
     _write(folder / "events.md", event_tables())
+    _write(folder / "study-keys.md", study_keys())
+    _write(folder / "study-columns.md", study_columns())
+    _write(folder / "study.schema.json", json.dumps(json_schema(), indent=2) + "\n")
     for name, (command, level) in MADE_ELSEWHERE.items():
         made = docs / "generated" / f"{name}.md"
         _write(folder / f"{name}.md", _fragment(made, command, level))
@@ -141,6 +178,108 @@ def event_tables() -> str:
         text = (event_type.__doc__ or "").split("\n\n")[0].replace("``", "`")
         parts.append(f"### `{kind}`: `gridfold.{event_type.__name__}`\n\n{text}\n\n{table}")
     return "\n".join(parts)
+
+
+def study_keys() -> str:
+    """Keys of the study file, a table each, from its JSON Schema."""
+    schema = json_schema()
+    top: dict[str, Any] = {"": {"properties": {}}}
+    for key, value in schema["properties"].items():
+        section = value.get("$ref", value.get("items", {}).get("$ref"))
+        if section is None:
+            top[""]["properties"][key] = value
+        else:
+            top[key] = schema["$defs"][section.rpartition("/")[2]]
+    parts = []
+    for name, section in top.items():
+        rows = [
+            (
+                f"`{key}`",
+                _json_kind(value, schema["$defs"]),
+                _json_default(name, key, value, section),
+                _key_meaning(name, key, value),
+            )
+            for key, value in section["properties"].items()
+        ]
+        array = schema["properties"].get(name, {}).get("type") == "array"
+        heading = {"": "At the top"}.get(name, f"`[[{name}]]`" if array else f"`[{name}]`")
+        words = "" if not name else f"{section['description']}\n\n"
+        table = _table(("Key", "Type", "Default", "Meaning"), rows)
+        parts.append(f"### {heading}\n\n{words}{table}")
+    return "\n".join(parts)
+
+
+def _key_meaning(table: str, key: str, value: dict[str, Any]) -> str:
+    if "description" not in value:
+        raise KeyError(f"{table}.{key} of the study file has no description")
+    return value["description"]
+
+
+def _json_kind(value: dict[str, Any], definitions: dict[str, Any]) -> str:
+    """The type of a key in words."""
+    if "$ref" in value:
+        return _json_kind(definitions[value["$ref"].rpartition("/")[2]], definitions)
+    if "anyOf" in value:
+        options = [each for each in value["anyOf"] if each.get("type") != "null"]
+        return " or ".join(_json_kind(each, definitions) for each in options)
+    if "enum" in value:
+        return " / ".join(f"`{each}`" for each in value["enum"])
+    if "const" in value:
+        return f"`{value['const']}`"
+    if value["type"] == "array":
+        inside = value["items"]
+        return "list of " + ("tables" if inside["type"] == "object" else "texts")
+    bound = ""
+    if "exclusiveMinimum" in value:
+        bound = f" > {value['exclusiveMinimum']:g}"
+    elif "minimum" in value:
+        bound = f" ≥ {value['minimum']:g}"
+    return _JSON_TYPES[value["type"]] + bound
+
+
+def _json_default(table: str, key: str, value: dict[str, Any], section: dict[str, Any]) -> str:
+    if f"{table}.{key}" in _STUDY_DEFAULTS:
+        return _STUDY_DEFAULTS[f"{table}.{key}"]
+    if key in section.get("required", ()):
+        return "required"
+    default = value["default"]
+    if default is None or default == []:
+        return "none"
+    return f"`{json.dumps(default)}`".replace('"', "")
+
+
+def study_columns() -> str:
+    """Columns of a study's table, from the docstring of :class:`Figures`.
+
+    A column that the docstring does not name belongs to the entry whose name begins its own, or
+    whose text names it.
+    """
+    text = typing.cast(str, Figures.__doc__).partition("----------\n")[2]
+    entries = re.findall(r"^    (\w[\w, ]*) : \w+\n((?:^        .*\n?)+)", text, re.MULTILINE)
+    types = column_types()
+    owners = {name: _owner(name, entries) for name in types}
+    rows = list(_STUDY_COLUMNS)
+    for k, (_, words) in enumerate(entries):
+        columns = [name for name, owner in owners.items() if owner == k]
+        kinds = dict.fromkeys(_TYPES[types[name]] for name in columns)
+        meaning = " ".join(words.split()).replace("``", "`")
+        rows.append((", ".join(f"`{name}`" for name in columns), ", ".join(kinds), meaning))
+    return _table(("Columns", "Type", "Meaning"), rows)
+
+
+def _owner(column: str, entries: Sequence[tuple[str, str]]) -> int:
+    """Which entry of the docstring tells of a column."""
+    named = [names.split(", ") for names, _ in entries]
+    tests = (
+        lambda k: column in named[k],
+        lambda k: f"`{column}`" in entries[k][1],
+        lambda k: any(column.startswith(f"{name}_") for name in named[k]),
+    )
+    for fits in tests:
+        for k in range(len(entries)):
+            if fits(k):
+                return k
+    raise KeyError(f"the docstring of Figures says nothing of {column}")
 
 
 def device_tables(device: Device) -> str:

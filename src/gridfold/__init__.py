@@ -7,6 +7,7 @@
 <Status.COMPLETED: 'completed'>
 """
 
+from gridfold.contingencies import Study, StudyRun, Workers, load_study, run_study
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
@@ -44,6 +45,7 @@ from gridfold.grid.events import (
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases
 from gridfold.io.event_records import load_events
+from gridfold.io.study_store import StudyStore
 from gridfold.numerics.steppers import (
     AdamsBashforthMoulton4,
     ImplicitTrapezoidal,
@@ -126,11 +128,15 @@ __all__ = [
     "SmallModels",
     "SmallSignal",
     "Status",
+    "Study",
+    "StudyRun",
+    "StudyStore",
     "SwitchingRule",
     "SynchronismCriterion",
     "Trajectory",
     "UnitKey",
     "Unreduced",
+    "Workers",
     "__version__",
     "build_model",
     "built_in_cases",
@@ -144,8 +150,10 @@ __all__ = [
     "load_events",
     "load_psse",
     "load_reduced",
+    "load_study",
     "partition",
     "reduce",
+    "run_study",
     "save_reduced",
     "simulate",
     "simulate_adaptive",

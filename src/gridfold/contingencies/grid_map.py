@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import networkx as nx
-
 from gridfold.grid.case import Case
 
 #: Buses up to which the layout by graph distances is computed; it takes their number cubed.
@@ -47,6 +45,8 @@ def _coordinates(case: Case) -> list[tuple[float, float]]:
 
 
 def _layout(case: Case) -> list[tuple[float, float]]:
+    import networkx as nx
+
     graph = nx.Graph()
     graph.add_nodes_from(bus.number for bus in case.buses)
     graph.add_edges_from((b.from_bus, b.to_bus) for b in case.branches if b.in_service)

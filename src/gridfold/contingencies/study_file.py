@@ -82,7 +82,7 @@ class StudyArea(_Section):
 class ContingencySection(_Section):
     """A contingency with events of its own."""
 
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, description="Its name; every contingency has another one.")
     events: tuple[dict[str, Any], ...] = Field(
         min_length=1, description="Events as in an events file."
     )
@@ -113,7 +113,9 @@ class Contingencies(_Section):
 class Model(_Section):
     """The model that is simulated; what is not given is as on the command line."""
 
-    kind: ModelKind = ModelKind.ADAPTIVE
+    kind: ModelKind = Field(
+        default=ModelKind.ADAPTIVE, description="What stands for the external area after a fault."
+    )
     column_norm: Positive | None = Field(
         default=None, description="Threshold of the column norm (p.u.)."
     )
@@ -128,11 +130,22 @@ class Model(_Section):
         default=6.0, description="Error for which they are calibrated."
     )
     longest_above: Positive = Field(default=5.0, description="Time (s) above it until a new start.")
-    reducer: ReducerKind = ReducerKind.BALANCED
+    reducer: ReducerKind = Field(
+        default=ReducerKind.BALANCED, description="How the external area is reduced."
+    )
     tolerance: Positive | None = Field(default=None, description="Bound of the reduction's error.")
-    order: Annotated[int, Field(gt=0)] | None = None
-    outputs: Outputs = Outputs.STATES
-    coupling: BoundaryCoupling = BoundaryCoupling.EXACT
+    order: Annotated[int, Field(gt=0)] | None = Field(
+        default=None,
+        description="Order of the reduced area, instead of a tolerance; the modal reducer needs it.",
+    )
+    outputs: Outputs = Field(
+        default=Outputs.STATES,
+        description="What linear machines give to the network: their states, or voltages.",
+    )
+    coupling: BoundaryCoupling = Field(
+        default=BoundaryCoupling.EXACT,
+        description="Areas are solved together, or see each other a step late as in the paper.",
+    )
 
 
 class Run(_Section):
@@ -140,7 +153,7 @@ class Run(_Section):
 
     t_end: Positive = Field(default=16.0, description="End of each run (s).")
     step: Positive | None = Field(default=None, description="Time step (s).")
-    method: Method = Method.AUTO
+    method: Method = Field(default=Method.AUTO, description="Integration rule.")
     angle_limit_deg: Positive = Field(
         default=180.0, description="Angle from the centre of inertia at which synchronism is lost."
     )
@@ -157,9 +170,9 @@ class Check(_Section):
 class ClearingTimes(_Section):
     """Critical clearing times of faults that are alone in their contingency."""
 
-    wanted: bool = False
-    resolution: Positive = 0.01
-    longest: Positive = 2.0
+    wanted: bool = Field(default=False, description="Find them, on the model of the study.")
+    resolution: Positive = Field(default=0.01, description="Grid of clearing times (s).")
+    longest: Positive = Field(default=2.0, description="Longest one tried (s).")
 
 
 class OutputsWanted(_Section):
@@ -179,8 +192,10 @@ class Study(_Section):
 
     model_config = ConfigDict(title="gridfold study", extra="forbid", frozen=True)
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
-    name: str = Field("study", min_length=1)
+    schema_version: Literal[1] = Field(
+        default=1, alias="schema", description="Version of the format."
+    )
+    name: str = Field(default="study", min_length=1, description="Name of the study, for people.")
     case: CaseSection = CaseSection()
     study_area: StudyArea = StudyArea()
     contingencies: Contingencies = Contingencies()

@@ -26,14 +26,14 @@ _SMALL_SWING_DEG = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What an engineer asks for first. None stands for what does not apply.
+    """What an engineer asks for first. What does not apply is missing.
 
     Parameters
     ----------
     status : str
         ``completed``, ``lost synchronism``, ``not finite`` or ``failed``.
     stable : bool
-        Completed; None if nothing can be said.
+        Completed; missing if nothing can be said.
     ended_at : float
         End of the run in seconds; where it was lost, when.
     reason : str
@@ -49,14 +49,14 @@ class Figures:
     nadir_hz, nadir_at : float
         Lowest frequency of the centre of inertia of all machines in service, and when (s).
     highest_hz : float
-        Its highest.
+        Highest frequency of the same.
     swing_hz, damping_ratio : float
         Of the dominant swing of the critical machine after the last event.
     critical_clearing_time, margin : float
         In seconds; the margin is what it exceeds the fault's duration by. A clearing time beyond the
         longest tried is given as that, with `clearing_time_bounded` false.
     checked : str
-        How the detailed run of the same contingency ended, if there was one.
+        How the detailed run of the same contingency ended; missing if there was none.
     error_rms_deg, error_coi_deg, error_largest_deg : float
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
         worst machine (`error_machine`), the same of angles against the centre of inertia, and the
