@@ -127,7 +127,7 @@ def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
     for name, time in sorted(first.items(), key=lambda item: item[1]):
         names.setdefault(time, []).append(name)
     return [
-        Notice(time, f"passed while a small model was in use: the run is not right from there: {listed(group)}")
+        Notice(time, f"passed by a small model, which is not right beyond: {listed(group)}")
         for time, group in names.items()
     ]
 
