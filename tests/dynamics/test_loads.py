@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -144,3 +145,26 @@ def test_polar_outputs_need_constant_impedances(model):
     family = reduce_external(partition(model, range(1, 37)), outputs=gf.Outputs.POLAR)
     with pytest.raises(gf.OptionError, match="polar outputs need loads"):
         family.linear(model)
+
+
+def test_a_strained_grid_of_constant_power_keeps_a_solution():
+    """30 percent more load and generation than in the files; voltages fall far below the break."""
+    folder = Path(__file__).parents[2] / "examples" / "psse_study"
+    case = gf.load_case(folder / "two_areas.raw", folder / "two_areas.dyr")
+    parts = ("active_mw", "current_active_mw", "impedance_active_mw")
+    loads = [replace(u, **{k: 1.3 * getattr(u, k) for k in parts}) for u in case.loads]
+    units = [replace(g, active_mw=1.3 * g.active_mw) for g in case.generators]
+    strained = replace(case, loads=tuple(loads), generators=tuple(units))
+    shares = gf.LoadModel.parse("1,0,0")
+    model = gf.build_model(strained, loads=shares, on_limit=gf.OnLimit.ADJUST)
+    lowest = np.inf
+    for bus in (11, 21, 23):
+        run = gf.simulate(model, [gf.BusFault(bus, duration=0.2)], 3.0)
+        assert run.status is not gf.Status.NOT_FINITE
+        v, power, flow = drawn_by_loads(model, run)
+        after = run.times > 0.2
+        m = np.abs(v[after])
+        low = np.minimum(m / BREAK_VOLTAGE, 1.0)
+        np.testing.assert_allclose(power[after], flow.load_power * low**2, rtol=0, atol=1e-7)
+        lowest = min(lowest, m.min())
+    assert lowest < BREAK_VOLTAGE

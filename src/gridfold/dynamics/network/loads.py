@@ -33,6 +33,8 @@ from gridfold.powerflow.result import PowerFlowResult
 BREAK_VOLTAGE = 0.7
 #: Change of a voltage in p.u. at which the iteration ends, and the most iterations.
 _TOLERANCE, _ITERATIONS = 1e-12, 300
+#: Times that the iteration is begun anew where it fails, each with half the step of the one before.
+_ATTEMPTS = 5
 
 
 @dataclass(frozen=True)
@@ -250,25 +252,29 @@ def _solve(integers, reals, currents, voltages, scratch):
     fresh = True
     for t in range(2 * n):
         fresh = fresh and voltages[t] == 0.0
-    if not fresh and _iterate(integers, reals, currents, voltages, scratch):
+    if not fresh and _iterate(integers, reals, currents, voltages, scratch, 1.0):
         return
-    for t in range(2 * n):
-        voltages[t] = reals[near + t]
-    if not _iterate(integers, reals, currents, voltages, scratch):
+    part = 1.0
+    for _ in range(_ATTEMPTS):
         for t in range(2 * n):
-            voltages[t] = np.nan
+            voltages[t] = reals[near + t]
+        if _iterate(integers, reals, currents, voltages, scratch, part):
+            return
+        part *= 0.5
+    for t in range(2 * n):
+        voltages[t] = np.nan
 
 
 @compiled_part
-def _iterate(integers, reals, currents, voltages, scratch):
-    """Iterate from the given voltages; returns whether it converged."""
+def _iterate(integers, reals, currents, voltages, scratch, part):
+    """Iterate from the given voltages, a `part` of each step; returns whether it converged."""
     n, count = integers[0], integers[1]
     inner_integers = integers[5 + count : 5 + count + integers[3]]
     inner_at = 10 * count + 2 * n
     inner_reals = reals[inner_at : inner_at + integers[4]]
     total, before, rest = scratch[: 2 * n], scratch[2 * n : 4 * n], scratch[4 * n :]
     break_squared = BREAK_VOLTAGE * BREAK_VOLTAGE
-    for _ in range(_ITERATIONS):
+    for _ in range(int(_ITERATIONS / part)):
         for t in range(2 * n):
             total[t] = currents[t]
             before[t] = voltages[t]
@@ -289,6 +295,8 @@ def _iterate(integers, reals, currents, voltages, scratch):
             return True
         if not change < 1e3:
             return False
+        for t in range(2 * n):
+            voltages[t] = before[t] + part * (voltages[t] - before[t])
     return False
 
 
