@@ -13,7 +13,6 @@ from gridfold.contingencies.summary import (
     time_per_model,
     trajectory_figures,
 )
-from gridfold.studies.adaptive import Switch
 from gridfold.studies.small_models import Mode
 
 
@@ -65,16 +64,13 @@ def test_islands_are_not_compared_with_each_other():
 
 def test_seconds_of_each_model_add_up_to_the_run(smib):
     run = gf.simulate(smib, [], t_end=2.0)
-    switches = (
-        Switch(0.0, None, Mode.DETAILED, "", 0.0),
-        Switch(0.25, Mode.DETAILED, Mode.HYBRID, "", 0.0),
-        Switch(1.0, Mode.HYBRID, Mode.LINEAR, "", 0.0),
-        Switch(1.5, Mode.LINEAR, Mode.HYBRID, "", 0.0),
-    )
-    assert time_per_model(run, switches) == pytest.approx(
-        {"detailed_s": 0.25, "hybrid_s": 1.25, "linear_s": 0.5}
-    )
-    assert time_per_model(run, None) == {"detailed_s": 2.0, "hybrid_s": 0.0, "linear_s": 0.0}
+    found = time_per_model(run)
+    assert (found["detailed_s"], found["hybrid_s"], found["linear_s"]) == (2.0, 0.0, 0.0)
+    assert 0 < found["wall_detailed_s"] <= run.simulation_seconds
+    events = [gf.LoadStep(1, 0.5, 1.0), gf.LoadStep(1, 1.75, 1.0)]
+    run = gf.simulate(smib, events, t_end=2.0)
+    found = time_per_model(run, (Mode.DETAILED, Mode.HYBRID, Mode.LINEAR))
+    assert [found[f"{mode.value}_s"] for mode in Mode] == pytest.approx([0.5, 1.25, 0.25])
 
 
 def test_every_figure_has_a_column_of_its_type(smib):

@@ -24,7 +24,7 @@ from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import Stepper
-from gridfold.studies.adaptive import Switch, SwitchingRule, simulate_adaptive
+from gridfold.studies.adaptive import AdaptiveRun, Switch, SwitchingRule, simulate_adaptive
 from gridfold.studies.clearing_time import critical_clearing_time
 from gridfold.studies.compare import compare
 from gridfold.studies.simulate import ModelStore, simulate
@@ -95,17 +95,22 @@ class _Solver:
 
     def solve(self, began: float) -> Solved:
         events = self.task.contingency.events
-        run, switches, reduction = self._simulate(self.prepared.rule, events)
-        figures = trajectory_figures(run) | time_per_model(run, switches)
-        figures |= {
-            "switches": None if switches is None else max(0, len(switches) - 1),
-            "wall_simulation_s": run.simulation_seconds,
-            "wall_reduction_s": reduction,
-        }
+        switches: tuple[Switch, ...] = ()
+        figures: dict[str, Any] = {}
+        if self.small is None:
+            run = self._detailed(events)
+            figures |= time_per_model(run)
+        else:
+            adaptive = self._adaptive(self.small, self.prepared.rule, events)
+            run, switches = adaptive.trajectory, adaptive.switches
+            figures |= time_per_model(run, adaptive.modes)
+            figures["wall_reduction_s"] = adaptive.reduction_seconds
+            figures["switches"] = max(0, len(switches) - 1)
+        figures |= trajectory_figures(run)
         curves = self._curves(run, switches)
         checking = time.perf_counter()
         if self.task.check and self.small is not None:
-            checked, beside = self._check(run)
+            checked, beside = self._check(run, self.small)
             figures |= checked
             curves |= beside
             figures["wall_check_s"] = time.perf_counter() - checking
@@ -117,22 +122,25 @@ class _Solver:
         result = Result(number, row, curves if wanted.curves else None)
         return Solved(result, self._parquet(run, stable=bool(row["stable"])))
 
-    def _simulate(
-        self, rule: SwitchingRule | None, events: Sequence[Event]
-    ) -> tuple[Trajectory, tuple[Switch, ...] | None, float]:
-        """A run, its switches, and the seconds spent on reduced models; detailed if `rule` is None."""
+    def _detailed(self, events: Sequence[Event]) -> Trajectory:
         ready = self.prepared
-        rest = (events, ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
-        if self.small is None or rule is None:
-            return simulate(ready.model, *rest), None, 0.0
-        run = simulate_adaptive(ready.model, self.small, rule, *rest)
-        return run.trajectory, run.switches, run.reduction_seconds
+        rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
+        return simulate(ready.model, events, *rest)
 
-    def _check(self, run: Trajectory) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    def _adaptive(
+        self, small: SmallModels, rule: SwitchingRule, events: Sequence[Event]
+    ) -> AdaptiveRun:
+        ready = self.prepared
+        rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
+        return simulate_adaptive(ready.model, small, rule, events, *rest)
+
+    def _check(
+        self, run: Trajectory, small: SmallModels
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Errors against a detailed run, and the curves of that and of a linear run."""
         events = self.task.contingency.events
-        detailed, _, _ = self._simulate(None, events)
-        linear, _, _ = self._simulate(SwitchingRule(inf), events)
+        detailed = self._detailed(events)
+        linear = self._adaptive(small, SwitchingRule(inf), events).trajectory
         curves = self._angles(detailed, "detailed") | self._angles(linear, "linear")
         figures: dict[str, Any] = {"checked": detailed.status.value}
         out = detailed.models[-1].state.units_out
@@ -190,15 +198,14 @@ class _Solver:
             model, self.small, self.prepared.rule, events, t_end, stepper, criterion, self.store
         ).trajectory
 
-    def _curves(
-        self, run: Trajectory, switches: tuple[Switch, ...] | None
-    ) -> dict[str, NDArray[Any]]:
+    def _curves(self, run: Trajectory, switches: tuple[Switch, ...]) -> dict[str, NDArray[Any]]:
         curves = self._angles(run, "run")
         curves["units"] = np.array([str(unit) for unit in self._units_of(run)])
-        chosen = switches or ()
-        curves["switch_times"] = np.array([switch.time for switch in chosen])
-        curves["switch_models"] = np.array([switch.after.value for switch in chosen], dtype=np.str_)
-        curves["switch_reasons"] = np.array([switch.reason for switch in chosen], dtype=np.str_)
+        curves["switch_times"] = np.array([switch.time for switch in switches])
+        curves["switch_models"] = np.array(
+            [switch.after.value for switch in switches], dtype=np.str_
+        )
+        curves["switch_reasons"] = np.array([switch.reason for switch in switches], dtype=np.str_)
         return curves
 
     def _angles(self, run: Trajectory, name: str) -> dict[str, NDArray[Any]]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import repeat
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
@@ -11,7 +13,6 @@ from numpy.typing import NDArray
 
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.ringdown import ringdown
-from gridfold.studies.adaptive import Switch
 from gridfold.studies.small_models import Mode
 from gridfold.studies.summary import last_event, summarize
 from gridfold.studies.synchronism import angle_frame
@@ -65,8 +66,10 @@ class Figures:
         Simulated seconds for which each model was in use.
     switches, steps : int
         Changes of model, time steps.
-    wall_simulation_s, wall_reduction_s, wall_check_s, wall_s : float
-        Seconds on the machine: of integration, of building reduced models, of the check, of all.
+    wall_detailed_s, wall_hybrid_s, wall_linear_s : float
+        Seconds on the machine that integration took with each model.
+    wall_reduction_s, wall_check_s, wall_s : float
+        Seconds on the machine: of building reduced models, of the check, of all.
     notices : str
         What else the reader should know, a JSON list of times (s) and texts.
     """
@@ -103,7 +106,9 @@ class Figures:
     linear_s: float | None = None
     switches: int | None = None
     steps: int | None = None
-    wall_simulation_s: float | None = None
+    wall_detailed_s: float | None = None
+    wall_hybrid_s: float | None = None
+    wall_linear_s: float | None = None
     wall_reduction_s: float | None = None
     wall_check_s: float | None = None
     wall_s: float | None = None
@@ -146,16 +151,18 @@ def trajectory_figures(run: Trajectory) -> dict[str, Any]:
     return result
 
 
-def time_per_model(run: Trajectory, switches: tuple[Switch, ...] | None) -> dict[str, float]:
-    """Simulated seconds for which each model was in use."""
-    spent = dict.fromkeys(Mode, 0.0)
-    end = float(run.times[-1])
-    if switches is None:
-        spent[Mode.DETAILED] = end
-    for switch in reversed(switches or ()):
-        spent[switch.after] += end - switch.time
-        end = switch.time
-    return {f"{mode.value}_s": seconds for mode, seconds in spent.items()}
+def time_per_model(run: Trajectory, modes: Sequence[Mode] = ()) -> dict[str, float]:
+    """Simulated seconds with each model, and seconds that the machine took for them.
+
+    `modes` tells the model of each piece; all are detailed without it.
+    """
+    simulated, wall = dict.fromkeys(Mode, 0.0), dict.fromkeys(Mode, 0.0)
+    for piece, mode in zip(run.run.pieces, modes or repeat(Mode.DETAILED), strict=False):
+        simulated[mode] += float(piece.times[-1] - piece.times[0])
+        wall[mode] += piece.seconds
+    return {f"{mode.value}_s": seconds for mode, seconds in simulated.items()} | {
+        f"{WALL}{mode.value}_s": seconds for mode, seconds in wall.items()
+    }
 
 
 def _critical(run: Trajectory, swings: Any) -> tuple[UnitKey | None, float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -63,9 +64,11 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
         if not segment.until > time:
             raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
         times = time_grid(time, segment.until, stepper.step)
+        began = clock.perf_counter()
         result = _integrate(segment, times, segment.restrict(x), stepper)
+        seconds = clock.perf_counter() - began
         finite = _finite_rows(result.states)
-        piece = Piece(segment, times[:finite], result.states[:finite])
+        piece = Piece(segment, times[:finite], result.states[:finite], seconds)
         pieces.append(piece)
         if finite < len(result.states):
             culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])

@@ -69,11 +69,15 @@ class Segment:
 
 @dataclass(frozen=True)
 class Piece:
-    """A segment that has been integrated: times (n,) and states (n, r), both ends included."""
+    """A segment that has been integrated: times (n,) and states (n, r), both ends included.
+
+    `seconds` is the time that the machine took for it.
+    """
 
     segment: Segment
     times: NDArray[np.float64]
     states: NDArray[np.float64]
+    seconds: float = 0.0
 
     @cached_property
     def full_states(self) -> NDArray[np.float64]:

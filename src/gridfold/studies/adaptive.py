@@ -91,11 +91,14 @@ class AdaptiveRun:
         The log of switches.
     reduction_seconds : float
         Time spent on building reduced models during the run.
+    modes : tuple of Mode
+        Which model was in use in each piece of the run.
     """
 
     trajectory: Trajectory
     switches: tuple[Switch, ...]
     reduction_seconds: float
+    modes: tuple[Mode, ...] = ()
 
 
 @dataclass
@@ -108,6 +111,7 @@ class AdaptivePlan:
     criterion: SynchronismCriterion | None
     switches: list[Switch] = field(default_factory=list)
     models: list[DetailedModel] = field(default_factory=list)
+    modes: list[Mode] = field(default_factory=list)
     above_since: float | None = None
     looked: bool = False
     at_limit: bool = False
@@ -133,6 +137,7 @@ class AdaptivePlan:
         self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
         self.models.append(model)
+        self.modes.append(mode)
         self.limits.append(limits)
         label = f"{stage.label} ({mode.value})"
         switch, further = self._watch(model, mode), self._limit_watch(limits)
@@ -274,4 +279,4 @@ def simulate_adaptive(
         setup_seconds=ready - began,
         simulation_seconds=done - ready - reduction,
     )
-    return AdaptiveRun(trajectory, tuple(plan.switches), reduction)
+    return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))
