@@ -106,14 +106,20 @@ def _info_record(found: CaseInfo) -> dict[str, Any]:
     }
 
 
+def _why_none(found: CaseInfo) -> str:
+    """Why there is no dynamic model."""
+    if found.trouble:
+        return "does not start"
+    return "none, models are missing" if found.basis.missing else "none, for lack of dynamic data"
+
+
 def _print_info(found: CaseInfo) -> None:
     case, flow, model = found.case, found.power_flow, found.model
     facts = case_facts(case)
     if model is not None:
         facts |= model_facts(model, model.residual)
     elif flow is not None:
-        why = "does not start" if found.trouble else "none, for lack of dynamic data"
-        facts |= flow_facts(flow) | {"Dynamic model": why}
+        facts |= flow_facts(flow) | {"Dynamic model": _why_none(found)}
     else:
         facts["Power flow"] = "does not converge"
     out.print(facts_table(facts))
