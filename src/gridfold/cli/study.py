@@ -7,8 +7,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Annotated, Any, TextIO
 
 import typer
@@ -91,12 +93,13 @@ def run(
 ) -> None:
     """Run a study: every contingency, on all cores or a cluster."""
     with ExitStack() as stack:
-        _terminate_as_interrupt()
+        brake = stack.enter_context(_brake())
         tell = [stack.enter_context(_bar())]
         if log_json is not None:
             tell.append(_logger(stack, log_json))
 
         def on_progress(progress: Progress) -> None:
+            brake.working = progress.stage is Stage.RUNNING
             for each in tell:
                 each(progress)
 
@@ -108,6 +111,7 @@ def run(
             count=count,
             cluster=cluster,
             on_progress=on_progress,
+            stop=brake.stop,
         )
     with StudyStore.read(outcome.folder) as store:
         out.print(facts_table(study_facts(store, outcome)))
@@ -251,10 +255,29 @@ def _logger(stack: ExitStack, target: str) -> Callable[[Progress], None]:
     return tell
 
 
-def _terminate_as_interrupt() -> None:
-    """A polite kill (SIGTERM) ends a study as Ctrl-C does."""
+@dataclass
+class _Brake:
+    """What Ctrl-C and a polite kill (SIGTERM) do: stop the study; at once where it is not working yet.
 
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
+    A second one ends the process at once.
+    """
 
-    signal.signal(signal.SIGTERM, interrupt)
+    stop: Event = field(default_factory=Event)
+    working: bool = False
+
+    def pull(self, number: int, frame: object) -> None:
+        """Handle a signal."""
+        if self.stop.is_set() or not self.working:
+            raise KeyboardInterrupt
+        self.stop.set()
+
+
+@contextmanager
+def _brake() -> Iterator[_Brake]:
+    brake, numbers = _Brake(), (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, brake.pull) for number in numbers]
+    try:
+        yield brake
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

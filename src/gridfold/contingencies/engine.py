@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ from gridfold.version import __version__
 
 #: Tasks handed out for each worker: one that is worked on, one that waits.
 _AHEAD = 2
+#: Seconds after which a wait is broken off to see whether the study is to be stopped.
+_GLANCE = 0.2
 #: Times a contingency is tried where the process that worked on it dies.
 _TRIES = 3
 
@@ -109,6 +112,7 @@ def run_study(
     executor: Executor | None = None,
     folder: str | Path | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    stop: Event | None = None,
 ) -> StudyRun:
     """Run a study, or the rest of one.
 
@@ -132,12 +136,13 @@ def run_study(
         Where relative file names in `study` start; by default at its file, else here.
     on_progress : callable, optional
         Called with a :class:`Progress` from the calling thread.
+    stop : threading.Event, optional
+        Ends it early once it is set, with what is in flight written. So does a KeyboardInterrupt.
 
     Returns
     -------
     StudyRun
-        Counts. An interrupt (Ctrl-C) ends it early, with what was in flight written; a second one is
-        raised at once.
+        Counts.
 
     Raises
     ------
@@ -156,7 +161,7 @@ def run_study(
         store, todo, offline, prepared = _open(wanted, start, target, resume, count, stack)
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         work = _Work(store, crew, todo, tell, began)
-        stage = work.run()
+        stage = work.run(stop or Event())
         store.tell("last_run", _provenance(crew))
         return work.outcome(target, stage)
 
@@ -299,19 +304,20 @@ class _Work:
         self.here = 0
         self.started = time.monotonic()
 
-    def run(self) -> Stage:
-        """Work until all is done, or an interrupt."""
+    def run(self, stop: Event) -> Stage:
+        """Work until all is done, or `stop` is set."""
         self._tell(Stage.RUNNING, message=self.crew.description)
         try:
-            while self._hand_out():
-                done, _ = wait(self.flying, return_when=FIRST_COMPLETED)
+            while self._hand_out() and not stop.is_set():
+                done, _ = wait(self.flying, _GLANCE, FIRST_COMPLETED)
                 self._take(done)
         except KeyboardInterrupt:
+            stop.set()
+        if stop.is_set():
             self._wind_up()
-            self._tell(Stage.INTERRUPTED)
-            return Stage.INTERRUPTED
-        self._tell(Stage.DONE)
-        return Stage.DONE
+        stage = Stage.DONE if sum(self.counts.values()) == self.total else Stage.INTERRUPTED
+        self._tell(stage)
+        return stage
 
     def outcome(self, folder: Path, stage: Stage) -> StudyRun:
         """The counts at the end."""
