@@ -20,6 +20,7 @@ from pathlib import Path
 from gridfold.errors import CaseFileError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+from gridfold.io.tables import read_foreign_text
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _ITEM = re.compile(r"""'(?P<one>[^']*)'|"(?P<two>[^"]*)"|(?P<mark>[,/'"])|(?P<bare>[^\s,/'"]+)""")
@@ -92,7 +93,7 @@ def read_dyr(path: str | Path) -> DynamicData:
     faults: list[str] = []
     records: list[DynamicRecord] = []
     skipped: list[SkippedRecord] = []
-    for record in _split(_read_text(path), faults):
+    for record in _split(read_foreign_text(path), faults):
         try:
             parsed = _parse(record)
         except _RecordError as error:
@@ -105,20 +106,6 @@ def read_dyr(path: str | Path) -> DynamicData:
     if faults:
         raise CaseFileError(faults, str(path))
     return DynamicData(path.name, tuple(records), tuple(skipped))
-
-
-def _read_text(path: Path) -> str:
-    """Text of a file; what is not UTF-8 is read byte by byte."""
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
-    content = content.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a")  # marks of begin and end
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
 
 
 def _split(text: str, faults: list[str]) -> Iterator[_OpenRecord]:

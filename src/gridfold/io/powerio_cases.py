@@ -34,6 +34,7 @@ from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.powerio_records import convert_network
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
+from gridfold.io.tables import read_foreign_text
 
 _FORMATS = {".raw": "psse", ".m": "matpower"}
 _SECTIONS = {  # sections of a RAW file by powerio's table
@@ -89,7 +90,7 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
     if file_format is None:
         known = ".raw (PSS/E) and .m (MATPOWER)"
         raise CaseFileError(f"unknown suffix {path.suffix!r}; known: {known}", str(path))
-    text = _read_text(path)
+    text = read_foreign_text(path)
     sections = find_sections(text) if file_format == "psse" else None
     if sections and sections.open_section:
         fault = f"the file breaks off in the {sections.open_section} section"
@@ -112,20 +113,6 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
     if faults := validate_case(case):
         raise CaseFileError(faults, str(path))
     return case
-
-
-def _read_text(path: Path) -> str:
-    """Text of a file; names in another encoding than UTF-8 are read byte by byte."""
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
-    content = content.removeprefix(b"\xef\xbb\xbf")
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
 
 
 def _parse(

@@ -37,9 +37,24 @@ class Table:
 def read_text(path: Path) -> str:
     """Text of a UTF-8 file; :class:`CaseFileError` names the file and the reason otherwise."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return _content(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise CaseFileError(f"not UTF-8 text: {error}", str(path)) from None
+
+
+def read_foreign_text(path: Path) -> str:
+    """Text of another program's file; what is not UTF-8 is read byte by byte."""
+    content = _content(path).rstrip(b"\x1a")  # an old mark of the end
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _content(path: Path) -> bytes:
+    """Bytes of a file without the mark of its encoding."""
+    try:
+        return path.read_bytes().removeprefix(b"\xef\xbb\xbf")
     except (OSError, ValueError) as error:  # a name with a null character is a ValueError
         reason = getattr(error, "strerror", None) or error
         raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
