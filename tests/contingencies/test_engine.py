@@ -223,7 +223,7 @@ def test_another_study_is_not_mixed_in(reference, change, said):
 
 
 def test_another_version_or_other_data_are_not_mixed_in(reference, monkeypatch):
-    monkeypatch.setattr("gridfold.contingencies.engine.__version__", "0.0.0")
+    monkeypatch.setattr("gridfold.contingencies.identity.__version__", "0.0.0")
     with pytest.raises(gf.OptionError, match="another version of gridfold"):
         run_study(parse_study(SHORT), reference[0], resume=True)
     monkeypatch.undo()

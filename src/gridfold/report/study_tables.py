@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from gridfold.contingencies.engine import StudyRun
+from gridfold.contingencies.work import StudyRun
 from gridfold.io.study_store import StudyStore
 
 if TYPE_CHECKING:
