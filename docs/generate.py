@@ -37,6 +37,8 @@ MADE_ELSEWHERE = {
     "peers": ("make bench-peers", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
+    "studies": ("python benchmarks/studies.py", 3),
+    "kill_and_resume": ("python benchmarks/kill_and_resume.py", 3),
 }
 
 _TABLES: dict[str, type] = {
