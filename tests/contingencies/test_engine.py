@@ -258,16 +258,16 @@ def test_a_contingency_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch
 
 
 class _Fragile(ThreadPoolExecutor):
-    """Loses the first result of every contingency, and all those of one."""
+    """Loses the first results of every contingency, and all those of one."""
 
     def __init__(self):
         super().__init__(2)
         self.seen = set()
 
-    def submit(self, function, offline, task):
-        name = task.contingency.name
+    def submit(self, function, offline, batch):
+        name = batch[0].contingency.name
         if name in self.seen and name != "bus 5":
-            return super().submit(function, offline, task)
+            return super().submit(function, offline, batch)
         self.seen.add(name)
         lost = Future()
         lost.set_exception(ConnectionError("the worker is gone"))

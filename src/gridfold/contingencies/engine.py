@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -19,14 +20,21 @@ from gridfold.contingencies.generate import contingency_from_record
 from gridfold.contingencies.grid_map import grid_map
 from gridfold.contingencies.identity import identity_of, refuse_changed, refuse_other
 from gridfold.contingencies.prepare import Offline, Prepared, describe, do_offline_work, prepare
-from gridfold.contingencies.solve import Task
+from gridfold.contingencies.solve import Batch, Task
 from gridfold.contingencies.study_file import Study, load_study
 from gridfold.contingencies.summary import column_types
 from gridfold.contingencies.work import Progress, Stage, StudyRun, Work
 from gridfold.errors import OptionError
+from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.studies.small_models import Topology, topology
+
+#: Most contingencies that are handed out together: a kill loses them all.
+_LARGEST_BATCH = 4
 
 
+@one_blas_thread
 def run_study(
     study: Study | str | Path,
     out: str | Path | None = None,
@@ -107,7 +115,7 @@ def _target(out: str | Path | None, path: Path | None) -> Path:
 
 def _open(
     study: Study, start: Path, target: Path, resume: bool, count: int | None, stack: ExitStack
-) -> tuple[StudyStore, list[Task], Offline, Prepared]:
+) -> tuple[StudyStore, list[Batch], Offline, Prepared]:
     """The store, what is to be done, and the study made ready."""
     if resume:
         # Locked before the work begins, so that two runs cannot both find it free.
@@ -127,7 +135,7 @@ def _open(
         }
         records = [item.record() for item in contingencies]
         store = stack.enter_context(StudyStore.create(target, about, records, column_types()))
-    return store, _tasks(store), offline, prepared
+    return store, _batches(_tasks(store), prepared), offline, prepared
 
 
 def _checked(study: Study, total: int) -> set[int]:
@@ -144,6 +152,23 @@ def _tasks(store: StudyStore) -> list[Task]:
         for record in store.contingencies()
         if record["number"] not in done
     ]
+
+
+def _batches(tasks: list[Task], prepared: Prepared) -> list[Batch]:
+    """Tasks that lead to one topology together: its small models are built by one worker, once."""
+    if prepared.small is None:
+        return [(task,) for task in tasks]
+    case, t_end = prepared.model.case, prepared.study.run.t_end
+
+    def last(task: Task) -> Topology:
+        return topology(build_timeline(case, task.contingency.events, t_end)[-1].state, case)
+
+    batches: list[Batch] = []
+    for key, together in groupby(tasks, key=last):
+        members = tuple(together)
+        size = _LARGEST_BATCH if key else 1
+        batches += [members[k : k + size] for k in range(0, len(members), size)]
+    return batches
 
 
 def _provenance(crew: Team) -> dict[str, Any]:

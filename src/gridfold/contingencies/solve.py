@@ -44,6 +44,10 @@ class Task:
     check: bool
 
 
+#: Tasks that one worker takes together.
+Batch = tuple[Task, ...]
+
+
 @dataclass(frozen=True)
 class Solved:
     """What came of a task: the result, and the trajectory as a Parquet file if it is kept."""
@@ -55,6 +59,11 @@ class Solved:
     def figures(self) -> dict[str, Any]:
         """The row of figures."""
         return dict(self.result.figures)
+
+
+def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
+    """Simulate some contingencies, one after the other."""
+    return tuple(solve(prepared, task) for task in batch)
 
 
 @one_blas_thread

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from threading import Event
 from typing import Any
 
-from gridfold.contingencies.executors import Team
-from gridfold.contingencies.solve import Solved, Task, failed
+from gridfold.contingencies.executors import Solving, Team
+from gridfold.contingencies.solve import Batch, Solved, failed
 from gridfold.io.results import replacing
 from gridfold.io.study_store import StudyStore
 
-#: Tasks handed out for each worker: one that is worked on, one that waits.
+#: Batches handed out for each worker: one that is worked on, one that waits.
 _AHEAD = 2
 #: Seconds after which a wait is broken off to see whether the study is to be stopped.
 _GLANCE = 0.2
@@ -88,23 +88,24 @@ class StudyRun:
 
 
 class Work:
-    """Tasks that are handed out, and the count of what came back."""
+    """Batches that are handed out, and the count of what came back."""
 
     def __init__(
         self,
         store: StudyStore,
         crew: Team,
-        todo: Sequence[Task],
+        todo: Sequence[Batch],
         tell: Callable[[Progress], None],
         began: float,
     ):
         self.store, self.crew, self.tell, self.began = store, crew, tell, began
         self.total = len(store.contingencies())
-        self.names = {task.contingency.number: task.contingency.name for task in todo}
-        self.waiting: Iterator[Task] = iter(todo)
-        self.again: list[Task] = []
+        contingencies = [task.contingency for batch in todo for task in batch]
+        self.names = {item.number: item.name for item in contingencies}
+        self.waiting: Iterator[Batch] = iter(todo)
+        self.again: list[Batch] = []
         self.tries: dict[int, int] = {}
-        self.flying: dict[Future[Solved], Task] = {}
+        self.flying: dict[Solving, Batch] = {}
         self.counts = _counts(store)
         self.here = 0
         self.started = time.monotonic()
@@ -143,43 +144,45 @@ class Work:
     def _hand_out(self) -> bool:
         """Keep the workers busy; false when nothing is left."""
         while len(self.flying) < _AHEAD * self.crew.count:
-            task = self.again.pop() if self.again else next(self.waiting, None)
-            if task is None:
+            batch = self.again.pop() if self.again else next(self.waiting, None)
+            if batch is None:
                 break
-            self.flying[self.crew.submit(task)] = task
+            self.flying[self.crew.submit(batch)] = batch
         return bool(self.flying)
 
-    def _take(self, done: set[Future[Solved]]) -> None:
+    def _take(self, done: set[Solving]) -> None:
         """Write what has come back."""
-        for future in sorted(done, key=lambda f: self.flying[f].contingency.number):
-            task = self.flying.pop(future)
-            solved = self._result(future, task)
-            if solved is not None:
-                self._write(solved)
+        for future in sorted(done, key=lambda f: self.flying[f][0].contingency.number):
+            self._write(self._results(future, self.flying.pop(future)))
 
-    def _result(self, future: Future[Solved], task: Task) -> Solved | None:
-        """What a future holds; None if the task is to be tried again."""
+    def _results(self, future: Solving, batch: Batch) -> tuple[Solved, ...]:
+        """What a future holds. Where it was lost, its contingencies are tried again one by one."""
         try:
             return future.result()
         except Exception as error:  # the worker, or the way to it, not the contingency
-            number = task.contingency.number
-            self.tries[number] = self.tries.get(number, 0) + 1
-            if self.tries[number] < _TRIES:
-                self.again.append(task)
-                return None
-            return failed(task, f"{type(error).__name__}: {error}")
+            lost = []
+            for task in batch:
+                number = task.contingency.number
+                self.tries[number] = self.tries.get(number, 0) + 1
+                if self.tries[number] < _TRIES:
+                    self.again.append((task,))
+                else:
+                    lost.append(failed(task, f"{type(error).__name__}: {error}"))
+            return tuple(lost)
 
-    def _write(self, solved: Solved) -> None:
-        number = solved.result.number
-        if solved.parquet is not None:
-            path = self.store.folder / "trajectories" / f"{number:06d}.parquet"
-            with replacing(path) as temporary:
-                temporary.write_bytes(solved.parquet)
-        self.store.add([solved.result])
-        self.counts[_verdict(solved.figures)] += 1
-        self.here += 1
-        latest = {"number": number, "name": self.names[number], **solved.figures}
-        self._tell(Stage.RUNNING, latest)
+    def _write(self, batch: tuple[Solved, ...]) -> None:
+        for solved in batch:
+            if solved.parquet is not None:
+                name = f"{solved.result.number:06d}.parquet"
+                with replacing(self.store.folder / "trajectories" / name) as temporary:
+                    temporary.write_bytes(solved.parquet)
+        self.store.add([solved.result for solved in batch])
+        for solved in batch:
+            number = solved.result.number
+            self.counts[_verdict(solved.figures)] += 1
+            self.here += 1
+            latest = {"number": number, "name": self.names[number], **solved.figures}
+            self._tell(Stage.RUNNING, latest)
 
     def _wind_up(self) -> None:
         """Call back what has not begun, and write what comes of the rest."""

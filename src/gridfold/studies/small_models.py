@@ -13,6 +13,7 @@ from threading import Lock, RLock, local
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import InitializationError
+from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
 from gridfold.studies.limit_watches import LinearLimits, linear_limits
 from gridfold.studies.reduced import ModelFamily, SmallModel
@@ -26,15 +27,18 @@ class Mode(Enum):
     LINEAR = "linear"
 
 
-_Key = tuple[object, ...]
-_INTACT: _Key = ()
+Topology = tuple[object, ...]
+_INTACT: Topology = ()
 
 
 @dataclass
-class _Topology:
-    """What is known about one topology: the family about its equilibrium, its models, limits."""
+class _Known:
+    """What is known about one topology: the family about its equilibrium, its models, limits.
 
-    known: bool = False
+    `complete` once the equilibrium was looked for; where there is none there is no family.
+    """
+
+    complete: bool = False
     family: ModelFamily | None = None
     models: dict[tuple[NetworkState, Mode], SmallModel] = field(default_factory=dict)
     limits: dict[tuple[NetworkState, Mode], LinearLimits | None] = field(default_factory=dict)
@@ -58,8 +62,8 @@ class SmallModels:
     def __init__(self, family: ModelFamily, most: int | None = None):
         self.family = family
         self.most = most
-        self._intact = _Topology(known=True, family=family)
-        self._others: OrderedDict[_Key, _Topology] = OrderedDict()
+        self._intact = _Known(complete=True, family=family)
+        self._others: OrderedDict[Topology, _Known] = OrderedDict()
         self._lock = Lock()
         self._spent = local()
 
@@ -78,68 +82,67 @@ class SmallModels:
 
     def limits(self, model: DetailedModel, mode: Mode) -> LinearLimits | None:
         """Limits of the units that are linear in the small model of `mode`; None if there are none."""
-        topology, key = self._topology(model), (model.state, mode)
-        if key not in topology.limits:
-            family = self._family(model, topology)
-            small = self._small(model, mode, topology)
+        known, key = self._topology(model), (model.state, mode)
+        if key not in known.limits:
+            family = self._family(model, known)
+            small = self._small(model, mode, known)
             if family is None or small is None:
                 return None
-            with self._building(topology):
-                if key not in topology.limits:
+            with self._building(known):
+                if key not in known.limits:
                     found = linear_limits(model, small, family.origin, family.at_limits)
-                    topology.limits[key] = found
-        return topology.limits[key]
+                    known.limits[key] = found
+        return known.limits[key]
 
-    def _family(self, model: DetailedModel, topology: _Topology) -> ModelFamily | None:
-        if not topology.known:
-            with self._building(topology):
-                if not topology.known:
+    def _family(self, model: DetailedModel, known: _Known) -> ModelFamily | None:
+        if not known.complete:
+            with self._building(known):
+                if not known.complete:
                     try:
                         point = find_equilibrium(model, self.family.origin)
-                        topology.family = self.family.moved(model, point)
+                        known.family = self.family.moved(model, point)
                     except InitializationError:
-                        topology.family = None
-                    topology.known = True
-        return topology.family
+                        known.family = None
+                    known.complete = True
+        return known.family
 
-    def _small(self, model: DetailedModel, mode: Mode, topology: _Topology) -> SmallModel | None:
+    def _small(self, model: DetailedModel, mode: Mode, known: _Known) -> SmallModel | None:
         key = (model.state, mode)
-        if key not in topology.models:
-            family = self._family(model, topology)
+        if key not in known.models:
+            family = self._family(model, known)
             if family is None:
                 return None
-            with self._building(topology):
-                if key not in topology.models:
+            with self._building(known):
+                if key not in known.models:
                     build = family.linear if mode is Mode.LINEAR else family.hybrid
-                    topology.models[key] = build(model)
-        return topology.models[key]
+                    known.models[key] = build(model)
+        return known.models[key]
 
-    def _topology(self, model: DetailedModel) -> _Topology:
+    def _topology(self, model: DetailedModel) -> _Known:
         """What is known about the topology of `model`; the longest unused gives way to a new one."""
-        key = _changes(model)
+        key = topology(model.state, model.case)
         if key == _INTACT:
             return self._intact
         with self._lock:
-            found = self._others.setdefault(key, _Topology())
+            found = self._others.setdefault(key, _Known())
             self._others.move_to_end(key)
             while self.most is not None and len(self._others) > self.most:
                 self._others.popitem(last=False)
             return found
 
     @contextmanager
-    def _building(self, topology: _Topology) -> Iterator[None]:
+    def _building(self, known: _Known) -> Iterator[None]:
         """One thread at a time; what the others wait counts as spent on building too."""
         began = clock.perf_counter()
-        with topology.lock:
+        with known.lock:
             yield
         self._spent.seconds = self.seconds + clock.perf_counter() - began
 
 
-def _changes(model: DetailedModel) -> _Key:
-    """What moves the equilibrium: nothing for the intact network, faults aside."""
-    state = model.state
+def topology(state: NetworkState, case: Case) -> Topology:
+    """What moves the equilibrium: nothing, ``()``, for the intact network, faults aside."""
     if (state.branches_out, state.units_out, state.load_steps) == (
-        model.case.branches_out,
+        case.branches_out,
         frozenset(),
         (),
     ):
