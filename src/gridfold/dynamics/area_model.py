@@ -163,6 +163,7 @@ def build_area_model(
     input_states: Sequence[int] = (),
     outputs: Outputs = Outputs.STATES,
     held: HeldBoundary | None = None,
+    nonlinear: NDArray[np.bool_] | None = None,
 ) -> AreaModel:
     """Compile a model whose units outside `area` are exact.
 
@@ -182,6 +183,8 @@ def build_area_model(
         How the linear units act on the others.
     held : HeldBoundary, optional
         Where voltages are held during a step; everything is solved together by default.
+    nonlinear : ndarray of bool, shape (n_states,), optional
+        From :func:`nonlinear_functions`, which does not depend on the network state.
     """
     exact_units, linear_units = _divide(model, set(area.index.tolist()))
     kept = [unit for unit in linear_units if unit in set(corrected)]
@@ -205,7 +208,10 @@ def build_area_model(
     if not polar:
         read = _read_states(model)
         formed = [k for k in area.index.tolist() if k in own or k in read]
-    rows = [k for k in _nonlinear_rows(model, kept) if k in own]
+    rows: list[int] = []
+    if kept:
+        functions = nonlinear_functions(model) if nonlinear is None else nonlinear
+        rows = [k for k in _nonlinear_rows(model, kept, functions) if k in own]
     place = {state: row for row, state in enumerate(area.index.tolist())}
     formed_rows, row_index = [place[k] for k in formed], [place[k] for k in rows]
 
@@ -329,8 +335,8 @@ def _read_states(model: DetailedModel) -> set[int]:
     return set(np.flatnonzero(slopes).tolist())
 
 
-def _nonlinear_rows(model: DetailedModel, units: Sequence[UnitKey]) -> list[int]:
-    """States whose functions are not linear in states and voltages; with limits of `units`, all."""
+def nonlinear_functions(model: DetailedModel) -> NDArray[np.bool_]:
+    """Whether the function of each state is nonlinear in states and voltages, shape (n_states,)."""
     start = model.partials(model.x0)
     linear = np.ones(model.n_states, dtype=bool)
     for x in _far_probes(model):
@@ -339,9 +345,17 @@ def _nonlinear_rows(model: DetailedModel, units: Sequence[UnitKey]) -> list[int]
         change = change + abs(start.voltages - there.voltages).sum(axis=1)
         # What is not finite there is not linear either.
         linear &= change <= _CHANGE
+    return ~linear
+
+
+def _nonlinear_rows(
+    model: DetailedModel, units: Sequence[UnitKey], nonlinear: NDArray[np.bool_]
+) -> list[int]:
+    """States whose functions are nonlinear; with limits of `units`, all of theirs."""
     limited = {u for block in model.layout.blocks if block.device.limits for u in block.units}
-    linear[list(_states_of(model, [unit for unit in units if unit in limited]))] = False
-    return np.flatnonzero(~linear).tolist()
+    rows = nonlinear.copy()
+    rows[list(_states_of(model, [unit for unit in units if unit in limited]))] = True
+    return np.flatnonzero(rows).tolist()
 
 
 def _caused_voltages(

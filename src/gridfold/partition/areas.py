@@ -7,7 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.area_model import nonlinear_functions
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case, UnitKey
@@ -54,6 +59,11 @@ class Partition:
         """Buses of both areas with a tie line, those of the study area first."""
         outside = dict.fromkeys(tie.external_bus for tie in self.tie_lines)
         return (*self.boundary_buses, *outside)
+
+    @cached_property
+    def nonlinear_functions(self) -> NDArray[np.bool_]:
+        """Whether the function of each state is nonlinear, shape (n_states,), in any network state."""
+        return nonlinear_functions(self.model)
 
     def states_of(self, units: Collection[UnitKey]) -> list[int]:
         """Positions in the state vector of all states of `units`, in order of the vector."""

@@ -169,6 +169,7 @@ class ReducedExternal:
             self.parts.boundary_buses,
             outputs=self.outputs,
             held=held,
+            nonlinear=self.parts.nonlinear_functions if corrected else None,
         )
         truncated = self.reduction.order < len(self.area.index)
         exact = () if truncated else corrected
