@@ -186,6 +186,27 @@ def test_rate_limits_that_act_at_once_keep_the_detailed_model_in_use():
     assert 1.0 < rms_deg("ieee39", blind) < 12.0
 
 
+def test_limits_of_kept_machines_count_where_the_area_is_reduced():
+    """What a limit does passes through the reduction; without one the kept machine is as it is."""
+    parts = parts_of("own")
+    model = parts.model
+    for reducer, watched in (
+        (gf.BalancedTruncation(tolerance=TOLERANCE), True),
+        (gf.Unreduced(), False),
+    ):
+        family = gf.reduce(parts, reducer, column_norm=1e-6)
+        assert family.kept == parts.external_units
+        limits = gf.SmallModels(family).limits(model, HYBRID)
+        names = " ".join(limits.direct.names) if limits is not None else ""
+        assert all((str(unit) in names) is watched for unit in family.kept)
+
+
+def test_a_hybrid_model_whose_kept_machines_reach_limits_gives_way_to_the_detailed_one():
+    run = run_of("ieee39", reduced("ieee39"), HYBRID_ONLY)
+    assert modes(run) == {DETAILED}
+    assert rms_deg("ieee39", run) < 1e-8
+
+
 def test_two_lags_in_a_row_with_one_time_constant_have_no_modal_form_and_need_none():
     """The New England governors have two of 999 s; a mode that occurs twice in a chain."""
     small = whole("ieee39").get(parts_of("ieee39").model, LINEAR)
