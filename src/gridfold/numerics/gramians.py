@@ -12,14 +12,11 @@ Equation", IMA Journal of Numerical Analysis 2 (1982), pp. 303-323; here in comp
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import linalg
-from scipy.linalg.blas import zgeru, ztpsv
+from numba import njit
 
 from gridfold.errors import OptionError
-
-Matrix = NDArray[np.float64]
-ComplexMatrix = NDArray[np.complex128]
+from gridfold.numerics.compiled import FAST
+from gridfold.numerics.schur import ComplexMatrix, Matrix, complex_schur
 
 
 def controllability_factor(a: Matrix, b: Matrix) -> Matrix:
@@ -79,11 +76,8 @@ def gramian_factors(a: Matrix, b: Matrix, c: Matrix) -> tuple[Matrix, Matrix]:
 
 def _stable_schur(a: Matrix) -> tuple[ComplexMatrix, ComplexMatrix]:
     """Upper triangular S and unitary U with A = U S U^H."""
-    if len(a) == 0:
-        return np.zeros((0, 0), complex), np.zeros((0, 0), complex)
-    triangle, basis = linalg.rsf2csf(*linalg.schur(a))
-    poles = np.diag(triangle)
-    rightmost = poles[np.argmax(poles.real)]
+    triangle, basis = complex_schur(a)
+    rightmost = max(np.diag(triangle), key=lambda pole: pole.real, default=-1.0)
     if not rightmost.real < 0:
         raise OptionError(
             f"Gramians need a stable matrix; its rightmost eigenvalue is {rightmost:.6g}"
@@ -114,27 +108,47 @@ def _hammarling(triangle: ComplexMatrix, right: ComplexMatrix) -> ComplexMatrix:
     last entry of R is rho = |g| / alpha. The column r above it solves
     (S1 + conj(l) I) r = -(s rho + alpha G1 q), with q = g^H / |g|. What is left is the same problem
     for S1, with the component G1 q of G1 replaced by G1 q - alpha r.
-
-    S is packed by columns, of which S1 is the front: what is solved with is never copied.
     """
-    n, poles = len(triangle), np.diag(triangle)
-    packed = np.ascontiguousarray(triangle.T)[np.tril_indices(n)]
-    diagonal = np.cumsum(np.arange(1, n + 1)) - 1
-    g = np.array(right, dtype=np.complex128, order="C")
-    factor = np.zeros((n, n), dtype=np.complex128)
-    for k in reversed(range(n)):
-        size = np.linalg.norm(g[k])
-        if size == 0:
+    s_real, s_imag = np.array([triangle.T.real, triangle.T.imag])
+    g_real, g_imag = np.array([right.real, right.imag])
+    r_real, r_imag = np.zeros((2, *triangle.shape))
+    _fill_columns(s_real, s_imag, g_real, g_imag, r_real, r_imag)
+    return np.asarray((r_real + 1j * r_imag).T)
+
+
+# Real and imaginary parts apart, and columns of S and R as rows: what is read in a row is side by side.
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _fill_columns(s_real, s_imag, g_real, g_imag, r_real, r_imag):
+    n, m = g_real.shape
+    for k in range(n - 1, -1, -1):
+        size = 0.0
+        for i in range(m):
+            size += g_real[k, i] ** 2 + g_imag[k, i] ** 2
+        size = np.sqrt(size)
+        if size == 0.0:
             continue
-        alpha = np.sqrt(-2 * poles[k].real)
-        factor[k, k] = size / alpha
-        if k == 0:
-            break
-        direction = g[k] / size
-        component = g[:k] @ direction.conj()
-        packed[diagonal[:k]] = poles[:k] + poles[k].conj()
-        column = ztpsv(k, packed, -(triangle[:k, k] * factor[k, k] + alpha * component))
-        factor[:k, k] = column
-        # In place: the transpose of rows in C order is in the order of the library.
-        zgeru(-alpha, direction, column, a=g[:k].T, overwrite_a=True)
-    return factor
+        alpha = np.sqrt(-2.0 * s_real[k, k])
+        rho = size / alpha
+        q_real, q_imag = g_real[k] / size, g_imag[k] / size
+        x, y = r_real[k], r_imag[k]
+        x[k] = rho
+        for j in range(k):
+            along, across = 0.0, 0.0
+            for i in range(m):
+                along += g_real[j, i] * q_real[i] + g_imag[j, i] * q_imag[i]
+                across += g_imag[j, i] * q_real[i] - g_real[j, i] * q_imag[i]
+            x[j] = -(s_real[k, j] * rho + alpha * along)
+            y[j] = -(s_imag[k, j] * rho + alpha * across)
+        for j in range(k - 1, -1, -1):
+            pivot = complex(s_real[j, j] + s_real[k, k], s_imag[j, j] - s_imag[k, k])
+            value = complex(x[j], y[j]) / pivot
+            a, b = value.real, value.imag
+            x[j], y[j] = a, b
+            for i in range(j):
+                x[i] -= s_real[j, i] * a - s_imag[j, i] * b
+                y[i] -= s_real[j, i] * b + s_imag[j, i] * a
+        for j in range(k):
+            a, b = alpha * x[j], alpha * y[j]
+            for i in range(m):
+                g_real[j, i] -= a * q_real[i] - b * q_imag[i]
+                g_imag[j, i] -= a * q_imag[i] + b * q_real[i]

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from gridfold.errors import OptionError
 from gridfold.numerics.blas import one_blas_thread
@@ -149,7 +148,7 @@ def _balance(stable: LinearSystem) -> _Balance:
         nothing = np.zeros((0, 0))
         return _Balance(nothing, nothing, nothing, np.zeros(0), nothing)
     reachable, observable = gramian_factors(stable.a, stable.b, stable.c)
-    left, values, right = linalg.svd(observable.T @ reachable)
+    left, values, right = np.linalg.svd(observable.T @ reachable)
     return _Balance(reachable, observable, left, values, right.T)
 
 

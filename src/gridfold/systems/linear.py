@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from gridfold.errors import OptionError
+from gridfold.numerics.schur import complex_schur
 
 Matrix = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class LinearSystem:
         points = np.atleast_1d(np.asarray(s, dtype=np.complex128))
         if self.n == 0:
             return np.tile(self.d.astype(np.complex128), (len(points), 1, 1))
-        triangle, basis = linalg.schur(self.a, output="complex")
+        triangle, basis = complex_schur(self.a)
         right = basis.conj().T @ self.b
         solution = np.zeros((self.n, len(points) * self.m), dtype=np.complex128)
         with np.errstate(divide="ignore", invalid="ignore"):
