@@ -126,5 +126,5 @@ def external_derivatives(
 def boundary_voltages(parts: Partition, model: gf.DetailedModel, x: np.ndarray) -> np.ndarray:
     """Voltages of the boundary buses at the state `x` of the whole system."""
     index = model.case.bus_index
-    voltages = model.bus_voltages(model.signals(x[None, :]))[0]
+    voltages = model.bus_voltages(x[None, :])[0]
     return voltages[[index[bus] for bus in parts.boundary_buses]]

@@ -36,7 +36,7 @@ def test_machines_start_at_the_powers_and_voltages_of_the_power_flow(npcc):
 
 
 def test_network_gives_the_power_flow_voltages_at_every_bus(npcc):
-    voltages = npcc.bus_voltages(npcc.signals(npcc.x0[None, :]))[0]
+    voltages = npcc.bus_voltages(npcc.x0[None, :])[0]
     np.testing.assert_allclose(voltages, npcc.power_flow.voltage, rtol=0, atol=1e-10)
 
 

@@ -225,26 +225,6 @@ def test_the_factored_network_is_the_closed_impedance_matrix(npcc, network):
     np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
-def test_slopes_of_the_units_are_the_partial_derivatives_of_the_whole(npcc):
-    x = npcc.x0 + 0.05 * np.random.default_rng(5).standard_normal(npcc.n_states)
-    factory, layout = npcc.compiled.solver, npcc.layout
-    voltages = npcc.signals(x[None, :])[0][layout.voltage_start : layout.n_signals]
-    found, expected = factory.kernels.slopes(x, voltages), npcc.partials(x)
-    unit, row = factory.places.unit, factory.places.row
-    terminal = factory.places.terminal[unit]
-    n_t, n = len(layout.terminals), npcc.n_states
-    states, each = np.zeros((n, n)), np.arange(n)
-    for k in range(n):
-        same = unit == unit[k]
-        states[k, same] = found.states[unit[k], row[k], row[same]]
-    np.testing.assert_allclose(states, expected.states.toarray(), atol=1e-10)
-    for part in range(2):
-        by_voltage = expected.voltages.toarray()[each, terminal + part * n_t]
-        np.testing.assert_allclose(found.voltages[unit, row, part], by_voltage, atol=1e-10)
-        current = expected.currents.toarray()[terminal + part * n_t, each]
-        np.testing.assert_allclose(found.currents[unit, part, row], current, atol=1e-10)
-
-
 def test_solver_holds_with_a_bolted_fault_and_a_unit_out(npcc):
     unit = npcc.machines[2]
     for network in (

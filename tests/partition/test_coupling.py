@@ -59,7 +59,7 @@ def test_the_norms_equal_those_of_a_dense_reduction_written_out(npcc, study):
 def test_the_external_network_gives_the_terminal_voltages_of_the_whole(npcc, parts):
     x = npcc.x0 + 0.1 * np.random.default_rng(3).standard_normal(npcc.n_states)
     signals = npcc.signals(x[None, :])
-    voltages = npcc.bus_voltages(signals)[0]
+    voltages = npcc.bus_voltages(x[None, :])[0]
     currents = {
         unit: signals[0, real] + 1j * signals[0, imag]
         for (real, imag, _), unit in zip(npcc.layout.sources, npcc.layout.source_units, strict=True)

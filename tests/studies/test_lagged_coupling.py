@@ -55,7 +55,7 @@ def test_held_voltages_are_those_at_the_end_of_the_previous_step(npcc, parts, la
     v = small.coordinates.restrict(x)
     x = small.coordinates.lift(v)
     index = [npcc.case.bus_index[bus] for bus in parts.boundary_of_both]
-    voltages = npcc.bus_voltages(npcc.signals(x[None, :]))[0][index]
+    voltages = npcc.bus_voltages(x[None, :])[0][index]
     at = [k for k, name in enumerate(small.system.state_names) if name.startswith("held_")]
     v[at] = np.concatenate([voltages.real, voltages.imag])
     # Where the held voltages are the true ones, cut and whole network are the same equations.

@@ -88,7 +88,7 @@ def held_network(
     loads = model.injections.nonlinear
     if loads is None:
         return cut
-    voltages = model.terminal_voltages(model.signals(model.x0[None, :]))[0]
+    voltages = model.terminal_voltages(model.x0[None, :])[0]
     place = {bus: k for k, bus in enumerate(model.layout.terminals)}
     near = np.array([voltages[place[bus]] if bus in place else 1.0 for bus in layout.terminals])
     return with_loads(cut, loads, layout.terminals, near)
@@ -98,6 +98,6 @@ def boundary_voltages(
     model: DetailedModel, x: NDArray[np.float64], buses: Sequence[int]
 ) -> NDArray[np.float64]:
     """Voltages of `buses` at the state `x`: real parts, then imaginary parts, shape (2 n_buses,)."""
-    voltages = model.bus_voltages(model.signals(x[None, :]))[0]
+    voltages = model.bus_voltages(x[None, :])[0]
     wanted = voltages[[model.case.bus_index[bus] for bus in buses]]
     return np.concatenate([wanted.real, wanted.imag])

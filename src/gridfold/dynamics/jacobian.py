@@ -1,23 +1,14 @@
-"""The Jacobian of the detailed model: complex steps through the kernels, analytic network.
-
-The signals w = (states, constants, outputs, terminal voltages) depend on the states x stage by stage.
-Each stage adds sparse rows dw = Wx dx + Wv dv, where v are the terminal voltages; with the sources'
-rows the network gives dv = Z di, and the chain closes.
-"""
+"""The Jacobian of the detailed model: exact slopes of the units, and the network that joins them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import coo_array, csr_array
 
-from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.layout import Block, Layout
-from gridfold.grid.case import UnitKey
-from gridfold.numerics.newton import complex_step_jacobian
+from gridfold.dynamics.unit_partials import UnitPlaces, UnitSlopes
 
 
 @dataclass(frozen=True)
@@ -44,76 +35,27 @@ class Partials:
         return np.asarray(self.states.toarray() + coupling)
 
 
-def model_partials(
-    layout: Layout,
-    units_out: Collection[UnitKey],
-    x: NDArray[np.float64],
-    signals: NDArray[np.float64],
-) -> Partials:
-    """Partial derivatives at the state `x` with its signal vector `signals`."""
-    n, n_w, n_v = layout.n_states, layout.n_signals, 2 * len(layout.terminals)
-    chain = _seed(n, n_w, n_v)
-    for block in layout.blocks:
-        chain = chain + _stage_rows(block, "source", n_w, x, signals) @ chain
-    currents = csr_array(_source_currents(layout, units_out) @ chain[:, :n])
-    for block in layout.blocks:
-        chain = chain + _stage_rows(block, "output", n_w, x, signals) @ chain
-    derivative = csr_array((n, n_w))
-    for block in layout.blocks:
-        derivative = derivative + _stage_rows(block, "derivative", n_w, x, signals)[:n]
-    total = csr_array(derivative @ chain)
-    moving = np.ones(n)
-    for block in layout.blocks:
-        for unit, column in zip(block.units, block.state_index.T, strict=True):
-            if unit in units_out:
-                moving[column] = 0.0
-    total = csr_array(diags_array(moving) @ total)
-    return Partials(csr_array(total[:, :n]), csr_array(total[:, n:]), currents)
-
-
-def _seed(n: int, n_w: int, n_v: int) -> csr_array:
-    """dw/d(x, v) before any stage: states are themselves, and so are the voltages."""
-    rows = np.concatenate([np.arange(n), np.arange(n_w - n_v, n_w)])
-    return csr_array((np.ones(n + n_v), (rows, np.arange(n + n_v))), shape=(n_w, n + n_v))
-
-
-def _source_currents(layout: Layout, units_out: Collection[UnitKey]) -> csr_array:
-    """Which signals add up to the currents at the terminals, shape (2 n_terminals, n_signals)."""
-    live = [unit not in units_out for unit in layout.source_units]
-    real, imag, terminal = layout.sources[live].T
-    n_t = len(layout.terminals)
-    rows = np.concatenate([terminal, n_t + terminal])
-    columns = np.concatenate([real, imag])
-    return csr_array((np.ones(len(rows)), (rows, columns)), shape=(2 * n_t, layout.n_signals))
-
-
-def _stage_rows(
-    block: Block, stage: str, n_w: int, x: NDArray[np.float64], signals: NDArray[np.float64]
-) -> csr_array:
-    """Partial derivatives of a stage of one block, placed at its rows of the signal vector."""
-    device = block.device
-    n_x, n_u, n_s = len(device.states), len(device.inputs), len(device.sources)
-    columns = np.concatenate([block.state_index, block.inputs, block.signal_index])
-    point = np.concatenate(
-        [x[block.state_index], signals[block.inputs], signals[block.signal_index]]
+def joined_partials(places: UnitPlaces, slopes: UnitSlopes, n_terminals: int) -> Partials:
+    """The slopes of all units at their places in the whole system."""
+    unit, row = places.unit, places.row
+    n, each, both = len(unit), np.arange(len(unit))[:, None], np.arange(2)
+    column = np.zeros((len(places.sizes), places.largest), dtype=np.int64)
+    column[unit, row] = each[:, 0]
+    terminal = places.terminal[unit][:, None] + n_terminals * both
+    return Partials(
+        _sparse(slopes.states[unit, row], each, column[unit], (n, n)),
+        _sparse(slopes.voltages[unit, row], each, terminal, (n, 2 * n_terminals)),
+        _sparse(slopes.currents[unit, :, row], terminal, each, (2 * n_terminals, n)),
     )
-    parameters = block.parameters.astype(np.complex128)
 
-    def evaluate(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        states, inputs, y = z[:n_x], z[n_x : n_x + n_u], z[n_x + n_u :]
-        if stage == "source":
-            return source_stage(device, states, parameters)[:n_s]
-        if stage == "output":
-            return output_stage(device, states, inputs, parameters, y)[n_s:]
-        return derivative_stage(device, states, inputs, parameters, y)
 
-    local = complex_step_jacobian(evaluate, point)
-    first = {"source": 0, "output": n_s, "derivative": 0}[stage]
-    index = block.state_index if stage == "derivative" else block.signal_index
-    rows = index[first : first + len(local)]
-    if local.size == 0:
-        return csr_array((n_w, n_w))
-    shape = local.shape
-    row_of = np.broadcast_to(rows[:, None, :], shape).ravel()
-    column_of = np.broadcast_to(columns[None, :, :], shape).ravel()
-    return coo_array((local.ravel(), (row_of, column_of)), shape=(n_w, n_w)).tocsr()
+def _sparse(
+    values: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    shape: tuple[int, int],
+) -> csr_array:
+    """Values at rows and columns, all of one shape or stretched to it; zeros are left out."""
+    there = values != 0.0
+    places = (np.broadcast_to(at, values.shape)[there] for at in (rows, columns))
+    return coo_array((values[there], tuple(places)), shape=shape).tocsr()

@@ -88,6 +88,11 @@ class Layout:
         """Position of the terminal voltages in the signal vector."""
         return self.n_signals - 2 * len(self.terminals)
 
+    @property
+    def voltage_slots(self) -> NDArray[np.int64]:
+        """Positions of the terminal voltages in the signal vector, real parts first."""
+        return np.arange(self.voltage_start, self.n_signals)
+
 
 Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gridfold.dynamics.assemble import assemble, doubts, negative_loads
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
-from gridfold.dynamics.jacobian import Partials, model_partials
-from gridfold.dynamics.layout import Layout, build_layout
+from gridfold.dynamics.jacobian import Partials, joined_partials
+from gridfold.dynamics.layout import Block, Layout, build_layout
 from gridfold.dynamics.network import (
     Injections,
     NetworkBackend,
@@ -30,6 +30,7 @@ from gridfold.dynamics.network.loads import (
 )
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
+from gridfold.dynamics.unit_partials import UnitKernels, unit_places
 from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError
 from gridfold.grid.case import Case, UnitKey
@@ -144,34 +145,49 @@ class DetailedModel:
         if state == self.state:
             return self
         equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
+        return replace(self, state=state, equations=equations)._recompiled()
+
+    def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
+        """The same devices with other parameters."""
+        return replace(self, layout=replace(self.layout, blocks=tuple(blocks)))._recompiled()
+
+    def _recompiled(self) -> DetailedModel:
         compiled = _compile(
-            self.layout, self.constants, equations, self.backend, self.injections, self.power_flow,
-            state.units_out,
+            self.layout, self.constants, self.equations, self.backend, self.injections,
+            self.power_flow, self.state.units_out,
         )  # fmt: skip
-        return replace(self, state=state, equations=equations, compiled=compiled)
+        return replace(self, compiled=compiled)
 
-    def signals(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signal vectors at the states (n_times, n_states): shape (n_times, n_signals)."""
-        return self.compiled.work_along(states, self.layout.n_signals)
+    def signals(
+        self, states: NDArray[np.float64], slots: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float64]:
+        """Signal vectors at the states (n_times, n_states), or those at `slots` (m,) of them.
 
-    def bus_voltages(self, signals: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Voltage phasor of every bus in per unit, shape (n_times, n_buses)."""
-        currents = np.zeros((len(self.layout.terminals), len(signals)), dtype=np.complex128)
-        for (real, imag, terminal), unit in zip(
-            self.layout.sources, self.layout.source_units, strict=True
-        ):
-            if unit not in self.state.units_out:
-                currents[terminal] += signals[:, real] + 1j * signals[:, imag]
+        Returns
+        -------
+        ndarray, shape (n_times, n_signals) or (n_times, m)
+        """
+        every = np.arange(self.layout.n_signals) if slots is None else slots
+        return self.compiled.work_along(states, every)
+
+    def bus_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Voltage phasor of every bus in per unit at the states: shape (n_times, n_buses)."""
+        live = [unit not in self.state.units_out for unit in self.layout.source_units]
+        real, imag, terminal = self.layout.sources[live].T
+        slots = np.concatenate([real, imag, self.layout.voltage_slots])
+        injected, voltages = np.split(self.signals(states, slots), [2 * len(real)], axis=1)
+        currents = np.zeros((len(self.layout.terminals), len(states)), dtype=np.complex128)
+        for at, current in zip(terminal, _phasors(injected).T, strict=True):
+            currents[at] += current
         loads = self.injections.nonlinear
         if loads is not None:
             at = loads.places(self.layout.terminals)
-            currents[at] += loads.currents(self.terminal_voltages(signals)[:, at]).T
+            currents[at] += loads.currents(_phasors(voltages)[:, at]).T
         return self.equations.bus_voltages(currents).T
 
-    def terminal_voltages(self, signals: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Voltages of the terminals in per unit, (n_times, n_terminals), from signal vectors."""
-        start, n = self.layout.voltage_start, len(self.layout.terminals)
-        return np.asarray(signals[:, start : start + n] + 1j * signals[:, start + n :][:, :n])
+    def terminal_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Voltages of the terminals in per unit at the states: shape (n_times, n_terminals)."""
+        return _phasors(self.signals(states, self.layout.voltage_slots))
 
     def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """df/dx at the state `x`, shape (n_states, n_states); exact to rounding."""
@@ -180,7 +196,7 @@ class DetailedModel:
 
     def network_response(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Slopes of the terminal voltages in the machines' currents, (2 n_terminals,) * 2."""
-        voltages = self.terminal_voltages(self.signals(x[None, :]))[0]
+        voltages = self.terminal_voltages(x[None, :])[0]
         network = real_form(self.equations.terminal_impedance())
         return closed_with_loads(
             network, self.injections.nonlinear, voltages, self.layout.terminals
@@ -188,8 +204,16 @@ class DetailedModel:
 
     def partials(self, x: NDArray[np.float64]) -> Partials:
         """Partial derivatives of the devices at the state `x`, with the network left open."""
-        signals = self.signals(np.asarray(x, dtype=float)[None, :])[0]
-        return model_partials(self.layout, self.state.units_out, x, signals)
+        x = np.asarray(x, dtype=float)
+        voltages = self.signals(x[None, :], self.layout.voltage_slots)[0]
+        slopes = self._kernels.slopes(x, voltages)
+        return joined_partials(self._kernels.places, slopes, len(self.layout.terminals))
+
+    @cached_property
+    def _kernels(self) -> UnitKernels:
+        """The devices on complex numbers."""
+        places = unit_places(self.layout, self.state.units_out)
+        return UnitKernels(self.layout, places, self.compiled)
 
 
 def build_model(
@@ -268,6 +292,12 @@ def _compile(
     rhs = pack_rhs(layout, constants, network, units_out)
     solver = UnitSolvers(layout, equations, injections.nonlinear, units_out, rhs)
     return replace(rhs, solver=solver)
+
+
+def _phasors(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Complex numbers (n, k) from real and imaginary parts side by side (n, 2 k)."""
+    real, imag = np.split(parts, 2, axis=1)
+    return np.asarray(real + 1j * imag)
 
 
 def _injections(

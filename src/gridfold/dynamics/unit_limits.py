@@ -90,7 +90,7 @@ def without_touched(
                 if _name(block.device, limit, unit) in near:
                     parameters[row, k] = limit.side.value * NO_LIMIT
         blocks[at] = replace(block, parameters=parameters)
-    return replace(model, layout=replace(model.layout, blocks=tuple(blocks)))
+    return model.with_blocks(blocks)
 
 
 def limits_along(

@@ -75,8 +75,7 @@ class UnitSolvers:
     def __call__(self, x: NDArray[np.float64], gamma: float) -> CompiledSolver:
         """The solver at the state `x`."""
         layout, n_t = self.layout, len(self.layout.terminals)
-        signals = self.rhs.work_along(x[None, :], layout.n_signals)[0]
-        voltages = signals[layout.voltage_start : layout.n_signals]
+        voltages = self.rhs.work_along(x[None, :], layout.voltage_slots)[0]
         partials = self.kernels.slopes(x, voltages)
         slopes = np.zeros((n_t, 2, 2))
         if self.loads is not None:

@@ -65,12 +65,14 @@ class CompiledRhs:
             call_rhs(self.after_step, self.integers, self.reals, work, state, dx)
         return state
 
-    def work_along(self, states: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-        """First `count` entries of the scratch space after a call at each row of `states`."""
+    def work_along(
+        self, states: NDArray[np.float64], places: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Entries `places` (m,) of the scratch space after a call at each of `states`: (n, m)."""
         rows = np.ascontiguousarray(states, dtype=np.float64)
-        result = np.empty((len(rows), count))
+        result = np.empty((len(rows), len(places)))
         _collect_work(
-            self.address, self.integers, self.reals, np.zeros(self.work_size), rows, result
+            self.address, self.integers, self.reals, np.zeros(self.work_size), rows, places, result
         )
         return result
 
@@ -82,9 +84,9 @@ def call_rhs(address, integers, reals, work, x, dx):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _collect_work(address, integers, reals, work, states, result):
+def _collect_work(address, integers, reals, work, states, places, result):
     dx = np.empty(states.shape[1])
     for row in range(states.shape[0]):
         invoke(address, (integers, reals, work, states[row], dx))
         for k in range(result.shape[1]):
-            result[row, k] = work[k]
+            result[row, k] = work[places[k]]

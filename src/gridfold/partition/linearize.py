@@ -62,8 +62,8 @@ def linearize_external(
     """
     model = parts.model if model is None else model
     x = model.x0 if x is None else np.asarray(x, dtype=float)
-    signals = model.signals(x[None, :])
-    boundary = _boundary_voltages(parts, model.bus_voltages(signals)[0])
+    voltages = model.bus_voltages(x[None, :])[0]
+    boundary = _boundary_voltages(parts, voltages)
     partials = model.partials(x)
     index = np.array(parts.states_of(parts.external_units), dtype=np.int64)
     terminal = {bus: k for k, bus in enumerate(model.layout.terminals)}
@@ -71,7 +71,7 @@ def linearize_external(
     # One row a bus: machines at the same bus see the same voltage.
     buses, first = np.unique(at, return_index=True)
     both = np.concatenate([buses, len(terminal) + buses])
-    impedance, transfer = _response(parts, model, signals, first)
+    impedance, transfer = _response(parts, model, voltages, first)
     a = partials.states[index][:, index].toarray()
     to_voltage = partials.voltages[index][:, both].toarray()
     currents = partials.currents[both][:, index].toarray()
@@ -93,7 +93,7 @@ def linearize_external(
 def _response(
     parts: Partition,
     model: DetailedModel,
-    signals: NDArray[np.float64],
+    voltages: NDArray[np.complex128],
     rows: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Slopes of the voltages at external units `rows` in their currents and boundary voltages.
@@ -108,9 +108,9 @@ def _response(
     transfer = real_form(network.transfer[chosen])
     n, total = len(rows), len(chosen)
     if loads is not None and outside:
-        voltages = model.bus_voltages(signals)[0][[model.case.bus_index[b] for b in loads.buses]]
+        at_loads = voltages[[model.case.bus_index[bus] for bus in loads.buses]]
         own = [loads.buses.index(bus) for bus in outside]
-        slopes = loads.scattered(loads.slopes(voltages)[own], np.arange(n, total), total)
+        slopes = loads.scattered(loads.slopes(at_loads)[own], np.arange(n, total), total)
         closing = np.eye(2 * total) - impedance @ slopes
         impedance = np.asarray(np.linalg.solve(closing, impedance), dtype=np.float64)
         transfer = np.asarray(np.linalg.solve(closing, transfer), dtype=np.float64)

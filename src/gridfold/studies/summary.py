@@ -41,24 +41,22 @@ class Summary:
 
 def summarize(run: Trajectory) -> Summary:
     """Summarize a run."""
-    deviation = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
-    deviation = deviation - deviation[0]
+    angles = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
+    deviation = np.nan_to_num(angles - angles[0])
     speed = run.signal("speed")
-    swings = []
-    for column, unit in enumerate(run.model.machines):
-        if np.isnan(speed[:, column]).all():
-            continue
-        angle = np.nan_to_num(deviation[:, column])
-        peak = int(np.argmax(np.abs(angle)))
-        swings.append(
-            Swing(
-                unit,
-                float(angle[peak]),
-                float(run.times[peak]),
-                float(np.nanmin(speed[:, column])),
-                float(np.nanmax(speed[:, column])),
-            )
+    peaks = np.argmax(np.abs(deviation), axis=0)
+    lowest, highest = np.fmin.reduce(speed, axis=0), np.fmax.reduce(speed, axis=0)
+    swings = [
+        Swing(
+            unit,
+            float(deviation[peaks[k], k]),
+            float(run.times[peaks[k]]),
+            float(lowest[k]),
+            float(highest[k]),
         )
+        for k, unit in enumerate(run.model.machines)
+        if not np.isnan(lowest[k])
+    ]
     swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
     return Summary(tuple(swings), *_voltage_extremes(run))
 
@@ -77,13 +75,14 @@ def last_event(run: Trajectory) -> float:
 def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
     """Lowest and highest voltage of energized buses from the last event on."""
     final = run.models[len(run.run.pieces) - 1]
-    rows = np.flatnonzero(run.times >= last_event(run))
-    magnitude = np.abs(run.bus_voltage()[rows])
+    first = int(np.searchsorted(run.times, last_event(run)))
     on = np.flatnonzero(final.equations.islands.energized)
+    voltage = run.bus_voltage()[first:, on].T
+    squared = voltage.real**2 + voltage.imag**2
     result = []
     for pick in (np.argmin, np.argmax):
-        row, column = np.unravel_index(pick(magnitude[:, on]), (len(rows), len(on)))
-        bus = run.model.case.buses[on[column]].number
-        value = float(magnitude[row, on[column]])
-        result.append(Extreme(value, bus, float(run.times[rows[row]])))
+        row, column = np.unravel_index(pick(squared), squared.shape)
+        bus = run.model.case.buses[on[row]].number
+        value = float(abs(voltage[row, column]))
+        result.append(Extreme(value, bus, float(run.times[first + column])))
     return result[0], result[1]

@@ -142,7 +142,9 @@ class Trajectory:
         if np.all(slots < self.model.n_states):
             result = np.concatenate([part.states_at(slots) for part in self._parts])
         else:
-            result = self._signals[:, slots]
+            result = np.concatenate(
+                [part.model.signals(part.states, slots) for part in self._parts]
+            )
         for rows, unit in self._rows_out:
             if unit in keys:
                 result[rows, keys.index(unit)] = np.nan
@@ -264,17 +266,8 @@ class Trajectory:
         ]
 
     @cached_property
-    def _signals(self) -> NDArray[np.float64]:
-        return np.concatenate([part.model.signals(part.states) for part in self._parts])
-
-    @cached_property
     def _bus_voltages(self) -> NDArray[np.complex128]:
-        ends = np.cumsum([len(part.times) for part in self._parts])[:-1]
-        signals = np.split(self._signals, ends)
-        voltages = [
-            part.model.bus_voltages(here) for here, part in zip(signals, self._parts, strict=True)
-        ]
-        return np.concatenate(voltages)
+        return np.concatenate([part.model.bus_voltages(part.states) for part in self._parts])
 
     @cached_property
     def _centre_of_inertia(self) -> NDArray[np.float64]:
