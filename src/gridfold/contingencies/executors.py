@@ -28,7 +28,7 @@ from gridfold.errors import OptionError
 #: Seconds to wait for a scheduler, and times that the cluster repeats what a lost worker had.
 _PATIENCE, _RETRIES = 10, 3
 #: Seconds that a thread may keep Python's interpreter to itself while another one waits for it.
-_TURN = 0.5e-3
+_TURN = 0.05e-3
 
 
 class Workers(Enum):
