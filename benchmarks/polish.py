@@ -42,7 +42,7 @@ from gridfold.partition import linearize_external
 from gridfold.partition.areas import study_buses
 from gridfold.reduction import BalancedTruncation, Reduction
 from gridfold.studies.compare import UnitError
-from gridfold.studies.reduced import ReducedExternal, reduce_external
+from gridfold.studies.reduced import ReducedExternal, reduce_external, slow_modes
 from gridfold.studies.simulate import ModelStore
 from gridfold.systems.statemap import StateMap
 
@@ -61,6 +61,9 @@ SIEMENS, ANGLE_DEG = 0.25, 67.0
 
 #: Bound to which the external area is balanced, and those of the models, in parts of that at order 0.
 FINEST, RELATIVE = 0.1, (0.1, 0.01)
+
+#: Modes of the whole grid that decay more slowly than this (1/s) are kept by half of the models.
+DECAY = 0.05
 REPETITIONS = 3
 
 Clock = dict[str, float]
@@ -77,11 +80,15 @@ def clocked(seconds: Clock, name: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Ready:
-    """A study area: its finest reduction, models by order, faults, and seconds by what was done."""
+    """A study area: its finest reduction, models, faults, and seconds by what was done.
+
+    `families` are by order, `slow` the same with the slow modes besides.
+    """
 
     parts: Partition
     finest: Reduction
     families: dict[int, ReducedExternal]
+    slow: dict[int, ReducedExternal]
     faults: list[BusFault]
     tried: list[ClearingTime]
     seconds: Clock
@@ -93,16 +100,22 @@ def prepare(model: DetailedModel, zone: int) -> Ready:
     with clocked(seconds, "linearization"):
         parts = partition(model, study_buses(model.case, zones=[zone]))
         linear = linearize_external(parts)
+    with clocked(seconds, f"modes of the whole that decay more slowly than {DECAY:g} 1/s"):
+        modes = slow_modes(model, model.x0, DECAY)[linear.state_index]
     with clocked(seconds, "unstable modes, Gramians, balancing"):
-        finest = BalancedTruncation(tolerance=FINEST).reduce(linear.system, linear.x0)
-    tails, families = bounds(finest), {}
+        finest = BalancedTruncation(tolerance=FINEST).reduce(linear.system, linear.x0, modes)
+    tails = bounds(finest)
+    families: dict[int, ReducedExternal] = {}
+    slow: dict[int, ReducedExternal] = {}
     for part in RELATIVE:
         order = int(np.sum(tails > part * tails[0])) + finest.kept_exactly
-        with clocked(seconds, f"truncation to order {order}, modal form"):
-            family = reduce_external(parts, Known(truncated(finest, order)))
-        kept = family.coupling.kept(family.coupling.per_unit(SIEMENS))
-        families[order] = replace(family, kept=kept)
-    return Ready(parts, finest, families, *find_faults(parts), seconds)
+        for found, include in ((families, None), (slow, modes)):
+            what = "" if include is None else " and slow modes"
+            with clocked(seconds, f"truncation to order {order}{what}, modal form"):
+                family = reduce_external(parts, Known(truncated(finest, order, include)))
+            kept = family.coupling.kept(family.coupling.per_unit(SIEMENS))
+            found[order] = replace(family, kept=kept)
+    return Ready(parts, finest, families, slow, *find_faults(parts), seconds)
 
 
 def find_faults(parts: Partition) -> tuple[list[BusFault], list[ClearingTime]]:
@@ -124,10 +137,12 @@ def bounds(reduction: Reduction) -> NDArray[np.float64]:
     return np.append(2 * np.cumsum(reduction.hankel_values[::-1])[::-1], 0.0)
 
 
-def truncated(fine: Reduction, order: int) -> Reduction:
+def truncated(fine: Reduction, order: int, modes: NDArray[np.float64] | None) -> Reduction:
     """A smaller model from a larger one: truncating a balanced model twice is truncating it once."""
-    again = BalancedTruncation(order=order).reduce(fine.system, np.zeros(fine.order))
-    outer, inner = fine.state_map, again.state_map
+    outer = fine.state_map
+    include = None if modes is None else outer.restrict_matrix @ modes
+    again = BalancedTruncation(order=order).reduce(fine.system, np.zeros(fine.order), include)
+    inner = again.state_map
     states = StateMap(
         outer.reference,
         outer.lift_matrix @ inner.lift_matrix,
@@ -138,14 +153,20 @@ def truncated(fine: Reduction, order: int) -> Reduction:
 
 
 def models(ready: Ready) -> dict[str, Choice]:
-    """Every model with polar outputs; of the largest order also with the states formed."""
+    """Every model with polar outputs; the linear one of the largest order also with states formed."""
     chosen: dict[str, Choice] = {}
     rules = (("linear", np.inf), ("hybrid", 0.0), ("adaptive", ANGLE_DEG))
-    kinds = [(order, Outputs.POLAR) for order in ready.families]
-    for order, outputs in (*kinds, (max(ready.families), Outputs.STATES)):
-        small = SmallModels(replace(ready.families[order], outputs=outputs))
-        for name, angle in rules:
-            chosen[f"{name}, {outputs.value}, r = {order}"] = small, SwitchingRule(angle)
+    for found in (ready.families, ready.slow):
+        for family in found.values():
+            small = SmallModels(replace(family, outputs=Outputs.POLAR))
+            text = (
+                f"r = {family.reduction.order}{'' if found is ready.families else ', slow modes'}"
+            )
+            for name, angle in rules:
+                chosen[f"{name}, polar, {text}"] = small, SwitchingRule(angle)
+    order = max(ready.families)
+    small = SmallModels(replace(ready.families[order], outputs=Outputs.STATES))
+    chosen[f"linear, states, r = {order}"] = small, SwitchingRule(np.inf)
     return chosen
 
 
@@ -295,7 +316,9 @@ def measure() -> list[object]:
         f"area, and {100 * SHARE:.0f} % of the critical clearing time at one of them. Thresholds are "
         f"those of NPCC: {SIEMENS:g} S, and {ANGLE_DEG:g} degrees (*adaptive*). *states* forms all "
         "states of the linear machines, *polar* only what they cause at the boundary. The external "
-        f"area is balanced once, to a bound of {FINEST:g}; models are truncated from that."
+        f"area is balanced once, to a bound of {FINEST:g}; models are truncated from that. *slow "
+        f"modes* keeps the modes of the whole grid that decay more slowly than {DECAY:g} 1/s, or "
+        "grow, exact."
     )
     sections = [grid_section(model, seconds)]
     for zone in ZONES:

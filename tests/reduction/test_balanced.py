@@ -162,6 +162,38 @@ def test_states_that_do_nothing_can_not_be_asked_for():
         reduce(BalancedTruncation, system, order=3)
 
 
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), order=st.integers(1, 6), count=st.integers(1, 3))
+def test_states_to_be_included_are_and_the_system_stays_stable(seed, order, count):
+    full = random_stable(seed, 10, 2, 10)
+    include = np.random.default_rng(seed).normal(size=(10, count))
+    plain = reduce(BalancedTruncation, full, order=order)
+    result = BalancedTruncation(order=order).reduce(full, np.zeros(10), include)
+    assert result.order == order + count
+    assert result.bound is None
+    lift, restrict = result.state_map.lift_matrix, result.state_map.restrict_matrix
+    np.testing.assert_allclose(restrict @ lift, np.eye(order + count), atol=1e-8)
+    np.testing.assert_allclose(lift @ (restrict @ include), include, atol=1e-8)
+    np.testing.assert_array_equal(lift[:, :order], plain.state_map.lift_matrix)
+    assert (result.system.poles.real < 0).all()
+
+
+def test_what_the_reduced_system_has_already_adds_no_state():
+    full = random_stable(3, 8, 2, 8)
+    plain = reduce(BalancedTruncation, full, order=4)
+    there = plain.state_map.lift_matrix @ np.array([[1.0], [2.0], [-1.0], [0.5]])
+    again = BalancedTruncation(order=4).reduce(full, np.zeros(8), np.hstack([there, 0 * there]))
+    assert (again.order, again.bound) == (4, plain.bound)
+
+
+def test_the_steady_state_that_is_included_makes_its_gain_exact():
+    full = random_stable(5, 12, 3, 12)
+    steady = -np.linalg.solve(full.a, full.b[:, :1])
+    result = BalancedTruncation(order=3).reduce(full, np.zeros(12), steady)
+    np.testing.assert_allclose(result.system.dc_gain[:, 0], full.dc_gain[:, 0], atol=1e-10)
+    assert np.abs(result.system.dc_gain - full.dc_gain)[:, 1:].max() > 1e-4
+
+
 def test_tolerance_below_rounding_is_an_error():
     with pytest.raises(OptionError, match="tolerance 1e-30 asks for more than"):
         reduce(BalancedTruncation, resistor_capacitor_line(40), tolerance=1e-30)

@@ -77,6 +77,7 @@ class ExternalOptions:
             ("reducer", kind and kind.value, _REDUCERS[reducer["name"]].value),
             ("order", self.reduction.order, reducer.get("order")),
             ("tolerance", self.reduction.tolerance, reducer.get("tolerance")),
+            ("slow modes", self.reduction.slow_modes, reducer.get("slow_modes")),
         ):
             if wanted is not None and wanted != there:
                 raise OptionError(f"{path}: the file is for {name} {there}, not {wanted}")

@@ -243,10 +243,19 @@ class ReductionOptions:
         int | None,
         _reduction_option(help="States of the reduced external area, instead of a tolerance."),
     ] = None
+    slow_modes: Annotated[
+        float | None,
+        _reduction_option(
+            help="Modes of the whole grid that decay more slowly (1/s) stay exact, besides.",
+            show_default="none",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.reducer is ReducerKind.MODAL and self.tolerance is not None:
             raise OptionError("--tolerance has no effect on the modal reducer; give an --order")
+        if self.reducer is ReducerKind.MODAL and self.slow_modes is not None:
+            raise OptionError("--slow-modes has no effect on the modal reducer")
 
     def build(self) -> Reducer:
         """The reducer."""
@@ -255,7 +264,7 @@ class ReductionOptions:
                 raise OptionError("the modal reducer needs an --order")
             return ModalTruncation(self.order)
         tolerance = TOLERANCE if self.order is None and self.tolerance is None else self.tolerance
-        return BalancedTruncation(tolerance=tolerance, order=self.order)
+        return BalancedTruncation(tolerance, self.order, self.slow_modes)
 
 
 @dataclass(frozen=True)

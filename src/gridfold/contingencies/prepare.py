@@ -289,7 +289,7 @@ def _reducer(study: Study) -> Reducer:
     tolerance = wanted.tolerance
     if tolerance is None and wanted.order is None:
         tolerance = TOLERANCE
-    return BalancedTruncation(tolerance=tolerance, order=wanted.order)
+    return BalancedTruncation(tolerance, wanted.order, wanted.slow_modes)
 
 
 def _reduce(study: Study, parts: Partition, thresholds: Thresholds) -> bytes:

@@ -138,6 +138,10 @@ class Model(_Section):
         default=None,
         description="Order of the reduced area, instead of a tolerance; the modal reducer needs it.",
     )
+    slow_modes: Positive | None = Field(
+        default=None,
+        description="Modes of the whole grid that decay more slowly (1/s) stay exact, besides.",
+    )
     outputs: Outputs = Field(
         default=Outputs.STATES,
         description="What linear machines give to the network: their states, or voltages.",
@@ -219,6 +223,8 @@ class Study(_Section):
             raise ValueError("model.coupling 'lagged' needs model.outputs 'states'")
         if self.model.reducer is ReducerKind.MODAL and self.model.order is None:
             raise ValueError("the modal reducer needs model.order")
+        if self.model.reducer is ReducerKind.MODAL and self.model.slow_modes is not None:
+            raise ValueError("model.slow_modes has no effect on the modal reducer")
         return self
 
     def content(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ they do with the states that are left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from gridfold.reduction.order import OrderRule, numerical_rank
 from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
+
+#: Part of the size of a state below which what a reduced system lacks of it is rounding.
+_KNOWN = 1e-10
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,9 @@ class BalancedTruncation:
         per input; unstable and marginal modes are kept besides.
     order : int, optional
         Number of states of the reduced system, with unstable and marginal modes.
+    slow_modes : float, optional
+        Modes of a whole grid that decay more slowly than this (1/s), or grow, stay exact: whoever
+        reduces an area of it gives their states to :meth:`reduce`. They are kept besides.
 
     Raises
     ------
@@ -50,20 +56,35 @@ class BalancedTruncation:
 
     tolerance: float | None = None
     order: int | None = None
+    slow_modes: float | None = None
 
     def __post_init__(self) -> None:
         OrderRule(self.tolerance, self.order)
+        if self.slow_modes is not None and not 0 < self.slow_modes < np.inf:
+            raise OptionError(
+                f"the decay of slow modes must be a positive number of 1/s, not {self.slow_modes}"
+            )
 
     @one_blas_thread
-    def reduce(self, system: LinearSystem, reference: Matrix) -> Reduction:
-        """Reduce `system`, whose states are deviations from `reference`, shape (n,)."""
+    def reduce(
+        self, system: LinearSystem, reference: Matrix, include: Matrix | None = None
+    ) -> Reduction:
+        """Reduce `system`, whose states are deviations from `reference`, shape (n,).
+
+        Deviations `include`, shape (n, k), are states of the reduced system too, besides those of
+        the order. The projection then is the one that is orthogonal in x^T Wo x, as that of
+        balanced truncation itself: a stable system stays stable, but (6) is no bound any more.
+        """
         parts = Parts.of(system)
         stable = parts.stable_system
         balance = _balance(stable)
         r = OrderRule(self.tolerance, self.order).choose(balance.values, system, parts.kept)
         lift, restrict = balance.projection(slice(0, r))
+        if include is not None:
+            lift, restrict = balance.extended(lift, restrict, parts.stable.restrict @ include)
         reduced = LinearSystem(restrict @ stable.a @ lift, restrict @ stable.b, stable.c @ lift)
-        return _finish(parts, reduced, lift, restrict, balance.values, reference)
+        found = _finish(parts, reduced, lift, restrict, balance.values, reference)
+        return found if reduced.n == r else replace(found, bound=None)
 
 
 @dataclass(frozen=True)
@@ -132,6 +153,20 @@ class _Balance:
         dual = np.linalg.qr(self.observable @ self.left[:, block])[0]
         restrict: Matrix = np.linalg.solve(dual.T @ lift, dual.T)
         return lift, restrict
+
+    def extended(self, lift: Matrix, restrict: Matrix, include: Matrix) -> tuple[Matrix, Matrix]:
+        """The maps of :meth:`projection`, with the states `include` (n, k) in the lift's range."""
+        rest = include
+        for _ in range(2):  # the second time for what rounding has left
+            rest = rest - lift @ (restrict @ rest)
+        left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
+        new = left[:, sizes > _KNOWN * np.linalg.norm(include)]
+        dual = self.observable @ (self.observable.T @ new)
+        dual -= restrict.T @ (lift.T @ dual)
+        return (
+            np.hstack([lift, new]),
+            np.vstack([restrict, np.linalg.solve(dual.T @ new, dual.T)]),
+        )
 
     def all_states(self, r: int) -> tuple[Matrix, Matrix]:
         """Lift and restrict matrix of all states above rounding, the first `r` in front."""

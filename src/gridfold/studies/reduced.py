@@ -217,7 +217,11 @@ def _reduce(
 ) -> ReducedExternal:
     smooth = without_touched(model, point.x, parts.external_units)
     linear = linearize_external(parts, smooth, point.x)
-    reduction = reducer.reduce(linear.system, linear.x0)
+    if isinstance(reducer, BalancedTruncation) and reducer.slow_modes is not None:
+        slow = slow_modes(smooth, point.x, reducer.slow_modes)[linear.state_index]
+        reduction = reducer.reduce(linear.system, linear.x0, include=slow)
+    else:
+        reduction = reducer.reduce(linear.system, linear.x0)
     if reduction.system.d.any():
         raise OptionError("a reduction with feed-through cannot stand in for an external area")
     form = modal_form(reduction.system.a)
@@ -237,6 +241,17 @@ def _reduce(
     return ReducedExternal(
         parts, coupling, kept, reduction, area, point.x, reducer, at_limits=at_limits
     )
+
+
+def slow_modes(model: DetailedModel, x: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
+    """Real and imaginary parts of the modes that decay more slowly: shape (n_states, k).
+
+    A reduced area that can be in the same state as the area is in a mode of the whole grid leaves
+    this mode as it is, eigenvalue and shape. The common turn of all rotor angles is such a mode.
+    """
+    values, vectors = np.linalg.eig(model.jacobian(x))
+    chosen = vectors[:, (values.real > -decay) & (values.imag >= 0)]
+    return np.hstack([chosen.real, chosen.imag])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""A reduced area that can be in a mode of the whole grid leaves the mode as it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gridfold as gf
+from gridfold.errors import OptionError
+from gridfold.numerics.implicit import numerical_jacobian
+
+ORDER, DECAY = 20, 0.246
+
+
+@pytest.fixture(scope="module")
+def parts(npcc):
+    return gf.partition(npcc, range(1, 37))
+
+
+def reduced(parts, slow_modes, **options):
+    return gf.reduce(parts, gf.BalancedTruncation(order=ORDER, slow_modes=slow_modes), **options)
+
+
+def poles(small, model):
+    start = small.coordinates.restrict(model.x0)
+    return np.linalg.eigvals(numerical_jacobian(small.system.compiled, start))
+
+
+@pytest.mark.parametrize("outputs", gf.Outputs)
+def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, outputs):
+    exact = gf.small_signal(npcc).eigenvalues
+    slow = exact[exact.real > -DECAY]
+    assert len(slow) == 3
+
+    without, found = (
+        poles(reduced(parts, decay, outputs=outputs).linear(npcc), npcc) for decay in (None, DECAY)
+    )
+    apart, before = (np.abs(slow[:, None] - some).min(axis=1) for some in (found, without))
+    assert apart.max() < 1e-8
+    assert before.max() > 1e-2
+
+
+def test_if_all_angles_turn_alike_the_reduced_model_stays_at_rest(npcc, parts):
+    turned = npcc.x0.copy()
+    turned[npcc.slots("rotor_angle", npcc.machines)] += 0.5
+    residual = []
+    for decay in (None, 1e-3):
+        small = reduced(parts, decay, outputs=gf.Outputs.POLAR).linear(npcc)
+        moved = small.system.compiled(small.coordinates.restrict(turned))
+        residual.append(np.abs(moved).max())
+    assert residual[0] > 1e-3
+    assert residual[1] < 1e-9
+
+
+def test_the_modes_of_another_network_are_found_anew(npcc, parts):
+    """After a line of the study area has been tripped, at the operating point that follows."""
+    run = gf.simulate_adaptive(
+        npcc,
+        gf.SmallModels(reduced(parts, DECAY)),
+        gf.SwitchingRule(67.0),
+        [gf.BranchFault("3-2", 0.0, duration=0.05)],
+        t_end=4.0,
+    )
+    assert run.trajectory.status is gf.Status.COMPLETED
+
+
+def test_a_decay_that_is_no_positive_number_is_refused():
+    with pytest.raises(OptionError, match="decay of slow modes"):
+        gf.BalancedTruncation(order=3, slow_modes=0.0)
