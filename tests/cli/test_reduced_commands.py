@@ -116,7 +116,12 @@ def test_the_command_runs_what_the_library_runs(command, tmp_path, npcc, parts):
         "longest_above": 1.0,
         "coupling": "exact",
         "outputs": "states",
-        "reducer": {"name": "BalancedTruncation", "tolerance": None, "order": 60},
+        "reducer": {
+            "name": "BalancedTruncation",
+            "tolerance": None,
+            "order": 60,
+            "slow_modes": None,
+        },
         "order": 60,
         "bound": pytest.approx(family.reduction.bound),
     }
@@ -213,6 +218,7 @@ def test_a_saved_model_gives_the_same_run_to_the_last_bit(command, tmp_path, mod
         (("--column-norm", 2), "is for column norm 1.0, not 2.0"),
         (("--order", 70), "is for order 60, not 70"),
         (("--tolerance", 1e-3), "is for tolerance None, not 0.001"),
+        (("--slow-modes", 0.1), "is for slow modes None, not 0.1"),
     ],
 )
 def test_options_that_contradict_the_file_are_refused(command, tmp_path, options, message):
@@ -347,6 +353,16 @@ def test_modal_truncation_has_an_order_but_no_bound(command):
     assert facts["bound"] is facts["hankel_singular_values"] is None
 
 
+def test_slow_modes_are_kept_besides_the_order_and_in_the_file(command, tmp_path):
+    file, options = tmp_path / "reduced.npz", ("--order", 30, "--slow-modes", 0.246)
+    facts = record(command, "reduce", "npcc", *options, "--save", file)
+    assert (facts["order"], facts["bound"]) == (33, None)
+    assert facts["reducer"]["slow_modes"] == 0.246
+    expected = states(command, tmp_path, "--model", "linear", *options)
+    found = states(command, tmp_path, "--model", "linear", "--reduced", file)
+    np.testing.assert_array_equal(found[0], expected[0])
+
+
 @pytest.mark.parametrize("reducer", ["balanced", "modal"])
 def test_a_saved_model_runs_with_the_coupling_asked_for(command, tmp_path, reducer):
     file = tmp_path / "reduced.npz"
@@ -439,6 +455,11 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
             ("reduce", "npcc", "--reducer", "modal", "--order", 60, "--tolerance", 1e-5),
             "--tolerance has no effect on the modal reducer",
         ),
+        (
+            ("reduce", "npcc", "--reducer", "modal", "--order", 60, "--slow-modes", 0.1),
+            "--slow-modes has no effect on the modal reducer",
+        ),
+        (("reduce", "npcc", "--order", 60, "--slow-modes", -1), "must be a positive number of 1/s"),
         (("reduce", "npcc", "--reducer", "modal", "--order", 0), "must be at least 1"),
         (("reduce", "npcc", "--coupling", "lagged"), "No such option"),
         (("partition", "npcc", "--order", 60), "No such option"),

@@ -83,6 +83,10 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[run]\nt_end = nan\n", "run.t_end"),
         (LEAST + "[model]\nkind = 'fast'\n", "study.toml:5: model.kind"),
         (LEAST + "[model]\nreducer = 'modal'\n", "the modal reducer needs model.order"),
+        (
+            LEAST + "[model]\nreducer = 'modal'\norder = 9\nslow_modes = 0.1\n",
+            "model.slow_modes has no effect on the modal reducer",
+        ),
         (LEAST + "[check]\nsample = 'some'\n", "study.toml:5: check.sample"),
         (LEAST + "[clearing_times]\nwanted = true\nlongest = 99\n", "clearing_times.longest"),
         (LEAST + "[[contingency]]\nname = ''\nevents = []\n", "contingency"),

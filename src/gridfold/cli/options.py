@@ -19,10 +19,10 @@ from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.number_ranges import parse_numbers
 from gridfold.partition import Coupling, study_buses
-from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
+from gridfold.reduction import Reducer
 from gridfold.studies.case_info import CaseInfo, examine_case, examine_files
 from gridfold.studies.method import Choice, Method, choose_stepper
-from gridfold.studies.model_kind import STUDY_AREAS, TOLERANCE, ReducerKind
+from gridfold.studies.model_kind import STUDY_AREAS, ReducerKind
 from gridfold.studies.psse import is_network_file, load_case
 from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
 from gridfold.studies.synchronism import SynchronismCriterion
@@ -259,12 +259,10 @@ class ReductionOptions:
 
     def build(self) -> Reducer:
         """The reducer."""
-        if self.reducer is ReducerKind.MODAL:
-            if self.order is None:
-                raise OptionError("the modal reducer needs an --order")
-            return ModalTruncation(self.order)
-        tolerance = TOLERANCE if self.order is None and self.tolerance is None else self.tolerance
-        return BalancedTruncation(tolerance, self.order, self.slow_modes)
+        kind = self.reducer or ReducerKind.BALANCED
+        if kind is ReducerKind.MODAL and self.order is None:
+            raise OptionError("the modal reducer needs an --order")
+        return kind.build(self.tolerance, self.order, self.slow_modes)
 
 
 @dataclass(frozen=True)

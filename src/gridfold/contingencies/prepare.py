@@ -24,12 +24,12 @@ from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.grid.timeline import initial_state
 from gridfold.partition import Partition, couple, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
-from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
+from gridfold.reduction import Reducer
 from gridfold.studies.adaptive import SwitchingRule
 from gridfold.studies.basis import basis_of
 from gridfold.studies.calibrate import ThresholdKind, calibrate
 from gridfold.studies.method import Choice, choose_stepper
-from gridfold.studies.model_kind import ANGLES_DEG, STUDY_AREAS, TOLERANCE, ModelKind, ReducerKind
+from gridfold.studies.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.studies.psse import load_case
 from gridfold.studies.reduced import (
     COLUMN_NORM,
@@ -283,13 +283,7 @@ def _leaves_intact(event: object) -> bool:
 
 def _reducer(study: Study) -> Reducer:
     wanted = study.model
-    if wanted.reducer is ReducerKind.MODAL:
-        assert wanted.order is not None
-        return ModalTruncation(wanted.order)
-    tolerance = wanted.tolerance
-    if tolerance is None and wanted.order is None:
-        tolerance = TOLERANCE
-    return BalancedTruncation(tolerance, wanted.order, wanted.slow_modes)
+    return wanted.reducer.build(wanted.tolerance, wanted.order, wanted.slow_modes)
 
 
 def _reduce(study: Study, parts: Partition, thresholds: Thresholds) -> bytes:

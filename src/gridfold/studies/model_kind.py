@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import Enum
 
+from gridfold.errors import OptionError
+from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer
+
 
 class ModelKind(Enum):
     """Which model is simulated."""
@@ -21,6 +24,26 @@ class ReducerKind(Enum):
 
     BALANCED = "balanced"
     MODAL = "modal"
+
+    def build(
+        self,
+        tolerance: float | None = None,
+        order: int | None = None,
+        slow_modes: float | None = None,
+    ) -> Reducer:
+        """The reducer; the balanced one is that of the paper if neither tolerance nor order is given.
+
+        Raises
+        ------
+        OptionError
+            An option is out of range, or the modal reducer has no order.
+        """
+        if self is ReducerKind.MODAL:
+            if order is None:
+                raise OptionError("the modal reducer needs an order")
+            return ModalTruncation(order)
+        bound = TOLERANCE if order is None and tolerance is None else tolerance
+        return BalancedTruncation(bound, order, slow_modes)
 
 
 #: Thresholds of the angle deviation in degrees by which the paper switches.
