@@ -11,10 +11,9 @@ demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
 
 # Compiled code is cached by source file; a change in a function that a kernel of another file calls
-# does not renew that file's cache, so the checks start without one.
+# does not renew that file's cache. The processes of a parallel run start without one.
 test: $(VENV)/.dev lint docs
-	find src -name '*.nb[ic]' -delete
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile
 
 # The report of a study in a Chromium that is there.
 test-browser: $(VENV)/.dev
