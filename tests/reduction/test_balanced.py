@@ -12,6 +12,7 @@ from linear_systems import (
     stable_systems,
     with_integrator_and_unstable_mode,
 )
+from scipy.linalg import solve_continuous_lyapunov
 
 from gridfold.errors import OptionError
 from gridfold.reduction import BalancedTruncation, SingularPerturbation
@@ -175,6 +176,10 @@ def test_states_to_be_included_are_and_the_system_stays_stable(seed, order, coun
     np.testing.assert_allclose(restrict @ lift, np.eye(order + count), atol=1e-8)
     np.testing.assert_allclose(lift @ (restrict @ include), include, atol=1e-8)
     np.testing.assert_array_equal(lift[:, :order], plain.state_map.lift_matrix)
+    # Orthogonal in x^T Wo x: the projection is symmetric in that product.
+    energy = solve_continuous_lyapunov(full.a.T, -full.c.T @ full.c)
+    product = energy @ lift @ restrict
+    np.testing.assert_allclose(product, product.T, atol=1e-7 * np.abs(energy).max())
     assert (result.system.poles.real < 0).all()
 
 
