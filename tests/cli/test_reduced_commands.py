@@ -450,14 +450,14 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
             "give --column-norm or --column-norm-siemens, not both",
         ),
         (("partition", "npcc", "--column-norm-siemens", -1), "must be 0 or more"),
-        (("reduce", "npcc", "--reducer", "modal"), "the modal reducer needs an --order"),
+        (("reduce", "npcc", "--reducer", "modal"), "the modal reducer needs an order"),
         (
             ("reduce", "npcc", "--reducer", "modal", "--order", 60, "--tolerance", 1e-5),
-            "--tolerance has no effect on the modal reducer",
+            "a tolerance has no effect on the modal reducer",
         ),
         (
             ("reduce", "npcc", "--reducer", "modal", "--order", 60, "--slow-modes", 0.1),
-            "--slow-modes has no effect on the modal reducer",
+            "slow modes have no effect on the modal reducer",
         ),
         (("reduce", "npcc", "--order", 60, "--slow-modes", -1), "must be a positive number of 1/s"),
         (("reduce", "npcc", "--reducer", "modal", "--order", 0), "must be at least 1"),
@@ -481,7 +481,7 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
             ("calibrate", "npcc", "--coupling", "lagged", "--outputs", "polar"),
             "--coupling lagged needs --outputs states",
         ),
-        (("calibrate", "npcc", "--reducer", "modal"), "the modal reducer needs an --order"),
+        (("calibrate", "npcc", "--reducer", "modal"), "the modal reducer needs an order"),
     ],
 )
 def test_choices_that_contradict_each_other_are_refused_by_name(command, arguments, message):

@@ -82,10 +82,18 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[run]\nt_end = -1\n", "study.toml:5: run.t_end: input should be greater than 0"),
         (LEAST + "[run]\nt_end = nan\n", "run.t_end"),
         (LEAST + "[model]\nkind = 'fast'\n", "study.toml:5: model.kind"),
-        (LEAST + "[model]\nreducer = 'modal'\n", "the modal reducer needs model.order"),
+        (LEAST + "[model]\nreducer = 'modal'\n", "model: the modal reducer needs an order"),
         (
             LEAST + "[model]\nreducer = 'modal'\norder = 9\nslow_modes = 0.1\n",
-            "model.slow_modes has no effect on the modal reducer",
+            "model: slow modes have no effect on the modal reducer",
+        ),
+        (
+            LEAST + "[model]\nreducer = 'modal'\norder = 9\ntolerance = 0.1\n",
+            "model: a tolerance has no effect on the modal reducer",
+        ),
+        (
+            LEAST + "[model]\norder = 9\ntolerance = 0.1\n",
+            "model: give either the tolerance or the order",
         ),
         (LEAST + "[check]\nsample = 'some'\n", "study.toml:5: check.sample"),
         (LEAST + "[clearing_times]\nwanted = true\nlongest = 99\n", "clearing_times.longest"),

@@ -191,6 +191,12 @@ def test_what_the_reduced_system_has_already_adds_no_state():
     assert (again.order, again.bound) == (4, plain.bound)
 
 
+def test_a_state_that_no_output_sees_cannot_be_included():
+    blind = LinearSystem(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.array([[1.0, 0.0]]))
+    with pytest.raises(OptionError, match="no effect on any output"):
+        BalancedTruncation(order=1).reduce(blind, np.zeros(2), np.array([[0.0], [1.0]]))
+
+
 def test_the_steady_state_that_is_included_makes_its_gain_exact():
     full = random_stable(5, 12, 3, 12)
     steady = -np.linalg.solve(full.a, full.b[:, :1])

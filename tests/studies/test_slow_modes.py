@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gridfold as gf
+from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.errors import OptionError
 from gridfold.numerics.implicit import numerical_jacobian
 
@@ -21,8 +24,8 @@ def reduced(parts, slow_modes, **options):
     return gf.reduce(parts, gf.BalancedTruncation(order=ORDER, slow_modes=slow_modes), **options)
 
 
-def poles(small, model):
-    start = small.coordinates.restrict(model.x0)
+def poles(small, x):
+    start = small.coordinates.restrict(x)
     return np.linalg.eigvals(numerical_jacobian(small.system.compiled, start))
 
 
@@ -31,9 +34,9 @@ def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, out
     exact = gf.small_signal(npcc).eigenvalues
     slow = exact[exact.real > -DECAY]
     assert len(slow) == 3
-
     without, found = (
-        poles(reduced(parts, decay, outputs=outputs).linear(npcc), npcc) for decay in (None, DECAY)
+        poles(reduced(parts, decay, outputs=outputs).linear(npcc), npcc.x0)
+        for decay in (None, DECAY)
     )
     apart, before = (np.abs(slow[:, None] - some).min(axis=1) for some in (found, without))
     assert apart.max() < 1e-8
@@ -53,15 +56,18 @@ def test_if_all_angles_turn_alike_the_reduced_model_stays_at_rest(npcc, parts):
 
 
 def test_the_modes_of_another_network_are_found_anew(npcc, parts):
-    """After a line of the study area has been tripped, at the operating point that follows."""
-    run = gf.simulate_adaptive(
-        npcc,
-        gf.SmallModels(reduced(parts, DECAY)),
-        gf.SwitchingRule(67.0),
-        [gf.BranchFault("3-2", 0.0, duration=0.05)],
-        t_end=4.0,
-    )
-    assert run.trajectory.status is gf.Status.COMPLETED
+    """With 500 MW more at a bus of the study area, at the operating point that follows."""
+    model = npcc.for_state(replace(npcc.state, load_steps=((3, 500 + 0j),)))
+    point = find_equilibrium(model, npcc.x0)
+    exact = np.linalg.eigvals(model.jacobian(point.x))
+    slow = exact[exact.real > -DECAY]
+    family = reduced(parts, DECAY)
+    apart = [
+        np.abs(slow[:, None] - poles(some.linear(model), point.x)).min(axis=1).max()
+        for some in (family.moved(model, point), family)
+    ]
+    assert apart[0] < 1e-8
+    assert apart[1] > 1e-6
 
 
 def test_a_decay_that_is_no_positive_number_is_refused():

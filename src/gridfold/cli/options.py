@@ -251,17 +251,9 @@ class ReductionOptions:
         ),
     ] = None
 
-    def __post_init__(self) -> None:
-        if self.reducer is ReducerKind.MODAL and self.tolerance is not None:
-            raise OptionError("--tolerance has no effect on the modal reducer; give an --order")
-        if self.reducer is ReducerKind.MODAL and self.slow_modes is not None:
-            raise OptionError("--slow-modes has no effect on the modal reducer")
-
     def build(self) -> Reducer:
         """The reducer."""
         kind = self.reducer or ReducerKind.BALANCED
-        if kind is ReducerKind.MODAL and self.order is None:
-            raise OptionError("the modal reducer needs an --order")
         return kind.build(self.tolerance, self.order, self.slow_modes)
 
 

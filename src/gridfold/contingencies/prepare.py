@@ -24,7 +24,6 @@ from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.grid.timeline import initial_state
 from gridfold.partition import Partition, couple, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
-from gridfold.reduction import Reducer
 from gridfold.studies.adaptive import SwitchingRule
 from gridfold.studies.basis import basis_of
 from gridfold.studies.calibrate import ThresholdKind, calibrate
@@ -256,7 +255,7 @@ def _calibrated(
         faults,
         t_end=study.run.t_end,
         stepper=choose_stepper(parts.model, study.run.method, study.run.step).stepper,
-        reducer=_reducer(study),
+        reducer=study.model.build_reducer(),
         limit_deg=wanted.largest_error_deg,
         what=what,
         column_norm=wanted.column_norm,
@@ -281,15 +280,10 @@ def _leaves_intact(event: object) -> bool:
     return isinstance(event, BusFault) and not event.trip_bus
 
 
-def _reducer(study: Study) -> Reducer:
-    wanted = study.model
-    return wanted.reducer.build(wanted.tolerance, wanted.order, wanted.slow_modes)
-
-
 def _reduce(study: Study, parts: Partition, thresholds: Thresholds) -> bytes:
     family = reduce_external(
         parts,
-        _reducer(study),
+        study.model.build_reducer(),
         thresholds.column_norm,
         study.model.outputs,
         study.model.coupling,

@@ -19,9 +19,10 @@ from pydantic_core import ErrorDetails
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
-from gridfold.errors import CaseFileError, OutputError
+from gridfold.errors import CaseFileError, OptionError, OutputError
 from gridfold.io.results import replacing
 from gridfold.io.tables import read_text, read_toml, suggest
+from gridfold.reduction import Reducer
 from gridfold.studies.method import Method
 from gridfold.studies.model_kind import ModelKind, ReducerKind
 
@@ -151,6 +152,10 @@ class Model(_Section):
         description="Areas are solved together, or see each other a step late as in the paper.",
     )
 
+    def build_reducer(self) -> Reducer:
+        """What reduces the external area."""
+        return self.reducer.build(self.tolerance, self.order, self.slow_modes)
+
 
 class Run(_Section):
     """How each run is stepped, and when it ends."""
@@ -221,10 +226,10 @@ class Study(_Section):
             raise ValueError("contingencies.start must lie before run.t_end")
         if (self.model.coupling, self.model.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
             raise ValueError("model.coupling 'lagged' needs model.outputs 'states'")
-        if self.model.reducer is ReducerKind.MODAL and self.model.order is None:
-            raise ValueError("the modal reducer needs model.order")
-        if self.model.reducer is ReducerKind.MODAL and self.model.slow_modes is not None:
-            raise ValueError("model.slow_modes has no effect on the modal reducer")
+        try:
+            self.model.build_reducer()
+        except OptionError as error:
+            raise ValueError(f"model: {error}") from None
         return self
 
     def content(self) -> dict[str, Any]:

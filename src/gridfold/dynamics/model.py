@@ -30,7 +30,7 @@ from gridfold.dynamics.network.loads import (
 )
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
-from gridfold.dynamics.unit_partials import UnitKernels, unit_places
+from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError
 from gridfold.grid.case import Case, UnitKey
@@ -209,11 +209,11 @@ class DetailedModel:
         slopes = self._kernels.slopes(x, voltages)
         return joined_partials(self._kernels.places, slopes, len(self.layout.terminals))
 
-    @cached_property
+    @property
     def _kernels(self) -> UnitKernels:
         """The devices on complex numbers."""
-        places = unit_places(self.layout, self.state.units_out)
-        return UnitKernels(self.layout, places, self.compiled)
+        assert isinstance(self.compiled.solver, UnitSolvers)
+        return self.compiled.solver.kernels
 
 
 def build_model(

@@ -163,10 +163,11 @@ class _Balance:
         new = left[:, sizes > _KNOWN * np.linalg.norm(include)]
         dual = self.observable @ (self.observable.T @ new)
         dual -= restrict.T @ (lift.T @ dual)
-        return (
-            np.hstack([lift, new]),
-            np.vstack([restrict, np.linalg.solve(dual.T @ new, dual.T)]),
-        )
+        try:
+            restrict_new = np.linalg.solve(dual.T @ new, dual.T)
+        except np.linalg.LinAlgError:
+            raise OptionError("a state to be included has no effect on any output") from None
+        return np.hstack([lift, new]), np.vstack([restrict, restrict_new])
 
     def all_states(self, r: int) -> tuple[Matrix, Matrix]:
         """Lift and restrict matrix of all states above rounding, the first `r` in front."""

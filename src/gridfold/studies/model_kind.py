@@ -36,9 +36,13 @@ class ReducerKind(Enum):
         Raises
         ------
         OptionError
-            An option is out of range, or the modal reducer has no order.
+            An option is out of range, or is none of this reducer's.
         """
         if self is ReducerKind.MODAL:
+            if tolerance is not None:
+                raise OptionError("a tolerance has no effect on the modal reducer; give an order")
+            if slow_modes is not None:
+                raise OptionError("slow modes have no effect on the modal reducer")
             if order is None:
                 raise OptionError("the modal reducer needs an order")
             return ModalTruncation(order)

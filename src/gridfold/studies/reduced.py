@@ -30,6 +30,7 @@ from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple, linearize_external
 from gridfold.reduction import BalancedTruncation, Reducer, Reduction
 from gridfold.simulation.segment import Coordinates
+from gridfold.studies.model_kind import ReducerKind
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.modal import ModalSystem
@@ -200,7 +201,7 @@ def reduce_external(
         Boundary voltages solved for together, or taken from the previous step as in the paper.
     """
     norms = couple(parts)
-    chosen = BalancedTruncation(tolerance=1e-5) if reducer is None else reducer
+    chosen = ReducerKind.BALANCED.build() if reducer is None else reducer
     start = Equilibrium(parts.model.x0, 0.0)
     kept = norms.kept(column_norm)
     reduced = _reduce(parts, norms, kept, chosen, parts.model, start)
@@ -244,10 +245,15 @@ def _reduce(
 
 
 def slow_modes(model: DetailedModel, x: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
-    """Real and imaginary parts of the modes that decay more slowly: shape (n_states, k).
+    """Modes of the whole grid at the state `x` that decay more slowly than by `decay` (1/s), or grow.
 
     A reduced area that can be in the same state as the area is in a mode of the whole grid leaves
     this mode as it is, eigenvalue and shape. The common turn of all rotor angles is such a mode.
+
+    Returns
+    -------
+    ndarray, shape (n_states, 2 k)
+        Real parts, then imaginary parts (zero for a real mode), of deviations of the states.
     """
     values, vectors = np.linalg.eig(model.jacobian(x))
     chosen = vectors[:, (values.real > -decay) & (values.imag >= 0)]
