@@ -1,0 +1,140 @@
+"""Large linear systems whose matrix is known by sparse blocks only.
+
+A grid is such a system: blocks of devices, joined by the algebraic equations of a sparse network.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import block_array, csc_array, eye_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from gridfold.errors import OptionError
+from gridfold.systems.linear import LinearSystem
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DescriptorSystem:
+    """x' = A11 x + A12 v + B1 u, 0 = A21 x + A22 v + B2 u, y = C x, with A22 regular.
+
+    The same as x' = A x + B u with A = A11 - A12 A22^-1 A21 and B = B1 - A12 A22^-1 B2, neither of
+    which is formed: no matrix of n x n or k x k numbers is dense.
+
+    Parameters
+    ----------
+    a11, a12, a21, a22 : sparse arrays, shapes (n, n), (n, k), (k, n), (k, k)
+        The blocks of the states x and of the algebraic unknowns v.
+    b1, b2 : ndarrays, shapes (n, m) and (k, m)
+        Where the inputs act.
+    c : ndarray, shape (p, n)
+        The outputs.
+    state_names, input_names, output_names : tuple of str, optional
+        Names of the n states, m inputs and p outputs.
+    """
+
+    a11: csc_array
+    a12: csc_array
+    a21: csc_array
+    a22: csc_array
+    b1: Matrix
+    b2: Matrix
+    c: Matrix
+    state_names: tuple[str, ...] = ()
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("a11", "a12", "a21", "a22"):
+            object.__setattr__(self, name, csc_array(getattr(self, name)))
+        n, k = self.a12.shape
+        expected = {
+            "a11": (n, n),
+            "a21": (k, n),
+            "a22": (k, k),
+            "b1": (n, self.m),
+            "b2": (k, self.m),
+            "c": (self.p, n),
+        }
+        for name, shape in expected.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise OptionError(f"block {name.upper()} has shape {found}, expected {shape}")
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return int(self.a11.shape[0])
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return int(self.b1.shape[1])
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return len(self.c)
+
+    @property
+    def b(self) -> Matrix:
+        """B, shape (n, m)."""
+        return self.b1 - self.a12 @ self._algebraic(self.b2)
+
+    def apply(self, x: Matrix) -> Matrix:
+        """A x for the columns of `x`, shape (n, j): shape (n, j)."""
+        return self.a11 @ x - self.a12 @ self._algebraic(self.a21 @ x)
+
+    def at(self, s: complex) -> Resolvent:
+        """The factored matrix s I - A, for many right-hand sides."""
+        shifted = self.a11 - s * eye_array(self.n)
+        matrix = block_array([[shifted, self.a12], [self.a21, self.a22]], format="csc")
+        return Resolvent(splu(matrix), self.n)
+
+    def transfer(self, s: ArrayLike) -> NDArray[np.complex128]:
+        """C (s I - A)^-1 B at the complex frequencies `s` in rad/s, shape (j,): shape (j, p, m)."""
+        points = np.atleast_1d(np.asarray(s, dtype=np.complex128))
+        b = self.b
+        return np.array([self.c @ self.at(point).solve(b) for point in points])
+
+    def dense(self) -> LinearSystem:
+        """The same with its matrices formed."""
+        return LinearSystem(
+            self.apply(np.eye(self.n)), self.b, self.c,
+            state_names=self.state_names, input_names=self.input_names,
+            output_names=self.output_names,
+        )  # fmt: skip
+
+    @cached_property
+    def _factors(self) -> SuperLU:
+        return splu(self.a22)
+
+    def _algebraic(self, rhs: Matrix) -> Matrix:
+        return np.asarray(self._factors.solve(np.asarray(rhs)) if self.a22.shape[0] else rhs)
+
+
+@dataclass(frozen=True, eq=False)
+class Resolvent:
+    """Factors of s I - A, bordered by the algebraic equations."""
+
+    factors: SuperLU
+    n: int
+
+    def solve(self, rhs: NDArray[Any]) -> NDArray[np.complex128]:
+        """(s I - A)^-1 R for the columns of `rhs`, shape (n, j)."""
+        return self._solve(rhs, "N")
+
+    def solve_adjoint(self, rhs: NDArray[Any]) -> NDArray[np.complex128]:
+        """(s I - A)^-H R for the columns of `rhs`, shape (n, j)."""
+        return self._solve(rhs, "H")
+
+    def _solve(self, rhs: NDArray[Any], mode: str) -> NDArray[np.complex128]:
+        full = np.zeros((self.factors.shape[0], rhs.shape[1]), dtype=np.complex128)
+        full[: self.n] = -rhs
+        return np.asarray(self.factors.solve(full, mode)[: self.n])
