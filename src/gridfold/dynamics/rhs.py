@@ -250,11 +250,10 @@ def run_calls(first, count, integers, reals, work, x, dx):
 
 
 @compiled_part
-def solve_voltages(integers, reals, work):
-    """Add up the Norton currents at the terminals and solve the network for their voltages."""
+def add_source_currents(integers, work):
+    """Add up the Norton currents at the terminals."""
     n_terminals, n_signals = integers[N_TERMINALS], integers[N_SIGNALS]
     currents = work[n_signals : n_signals + 2 * n_terminals]
-    voltages = work[n_signals - 2 * n_terminals : n_signals]
     for t in range(2 * n_terminals):
         currents[t] = 0.0
     for s in range(integers[N_SOURCES]):
@@ -262,17 +261,30 @@ def solve_voltages(integers, reals, work):
         terminal = integers[at + 2]
         currents[terminal] += work[integers[at]]
         currents[n_terminals + terminal] += work[integers[at + 1]]
+
+
+@compiled_part
+def solve_network(integers, reals, work):
+    """Solve the network for the terminal voltages at the currents that were added up."""
+    n_terminals, n_signals = integers[N_TERMINALS], integers[N_SIGNALS]
     i_at, r_at = integers[NETWORK_INTEGERS_AT], integers[NETWORK_REALS_AT]
     invoke(
         integers[NETWORK_ADDRESS],
         (
             integers[i_at : i_at + integers[NETWORK_INTEGERS]],
             reals[r_at : r_at + integers[NETWORK_REALS]],
-            currents,
-            voltages,
+            work[n_signals : n_signals + 2 * n_terminals],
+            work[n_signals - 2 * n_terminals : n_signals],
             work[integers[SCRATCH_AT] :],
         ),
     )
+
+
+@compiled_part
+def solve_voltages(integers, reals, work):
+    """Add up the Norton currents at the terminals and solve the network for their voltages."""
+    add_source_currents(integers, work)
+    solve_network(integers, reals, work)
 
 
 @compiled_part

@@ -1,0 +1,203 @@
+"""The compiled right-hand side of a model of which one area is linear and acts through ports.
+
+State v = (states of the exact units, coordinates z of the linear area). The linear area is a Norton
+source at each of its p ports. Its currents are linear in logarithm and angle, and it is driven by
+angle and logarithm of the port voltages:
+
+    J = J0 exp(C z),    z' = A z + B (u - u0) + c,    u = (arg V, ln |V|).
+
+So a step costs what the exact units and the ports cost, however many machines are behind the ports,
+and a common turn of all angles is followed exactly. A is in modal form: real modes first, then the
+first coordinates of all pairs, then their second ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.layout import Layout
+from gridfold.dynamics.network.backend import CompiledNetwork
+from gridfold.dynamics.rhs import (
+    HEADER_SIZE,
+    N_DERIVATIVE_CALLS,
+    N_OUTPUT_CALLS,
+    N_SIGNALS,
+    N_SOURCE_CALLS,
+    N_STATES,
+    N_TERMINALS,
+    add_source_currents,
+    freeze,
+    load_constants,
+    pack_model,
+    run_calls,
+    solve_network,
+)
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.compiled import compile_callback, compiled_part
+from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+
+# The header goes on behind that of the detailed model. Where the linear area's numbers stand follows
+# from its sizes: see `LinearPorts.reals`.
+ORDER, N_PAIRS, N_PORTS, PORTS_AT, AREA_AT, PORT_WORK_AT = range(HEADER_SIZE, HEADER_SIZE + 6)
+_PORT_HEADER = HEADER_SIZE + 6
+
+
+@dataclass(frozen=True)
+class LinearPorts:
+    """A linear area of order r as its p ports know it.
+
+    Parameters
+    ----------
+    diagonal, coupling : ndarrays, shapes (r,) and (n_pairs,)
+        Real part of each mode; imaginary part of each pair, whose two coordinates are the k-th and
+        the (k + n_pairs)-th behind the real modes.
+    b : ndarray, shape (r, 2 p)
+        Input matrix.
+    offset : ndarray, shape (r,)
+        Constant part of z'.
+    c : ndarray, shape (2 p, r)
+        Slopes of logarithm, then of angle, of the port currents.
+    current : ndarray of complex, shape (p,)
+        J0 in p.u.
+    voltage : ndarray of complex, shape (p,)
+        Port voltages at the operating point in p.u.
+    """
+
+    diagonal: NDArray[np.float64]
+    coupling: NDArray[np.float64]
+    b: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    c: NDArray[np.float64]
+    current: NDArray[np.complex128]
+    voltage: NDArray[np.complex128]
+
+    @property
+    def order(self) -> int:
+        """Number of coordinates."""
+        return len(self.diagonal)
+
+    @property
+    def reals(self) -> NDArray[np.float64]:
+        """All numbers in the order in which the compiled function reads them."""
+        inverse = 1 / self.voltage
+        return np.concatenate(
+            [
+                self.current.real, self.current.imag, inverse.real, inverse.imag,
+                self.diagonal, self.offset, self.coupling, self.c.ravel(), self.b.T.ravel(),
+            ]
+        )  # fmt: skip
+
+
+def pack_port_rhs(
+    layout: Layout,
+    constants: NDArray[np.float64],
+    network: CompiledNetwork,
+    ports: NDArray[np.int64],
+    area: LinearPorts,
+    units_out: Collection[UnitKey] = (),
+) -> CompiledRhs:
+    """Right-hand side of the exact units in `layout` with a linear area at the terminals `ports`."""
+    data = pack_model(layout, constants, network, layout.blocks, units_out, _PORT_HEADER)
+    header = data.header
+    header[[ORDER, N_PAIRS, N_PORTS]] = area.order, len(area.coupling), len(ports)
+    header[[PORTS_AT, AREA_AT]] = data.integers.add(ports), data.reals.add(area.reals)
+    header[PORT_WORK_AT] = data.work_size
+    return CompiledRhs(
+        address=_compiled().address,
+        integers=np.concatenate([header, data.integers.join()]),
+        reals=data.reals.join(),
+        work_size=data.work_size + 4 * len(ports),
+        n_states=layout.n_states + area.order,
+    )
+
+
+@compiled_part
+def _add_port_currents(integers, reals, work, z):
+    """Add the currents of the linear area, and keep logarithm and phasor of their change."""
+    order, n_ports, n_terminals = integers[ORDER], integers[N_PORTS], integers[N_TERMINALS]
+    at = integers[AREA_AT]
+    slopes = at + 4 * n_ports + 2 * order + integers[N_PAIRS]
+    kept = work[integers[PORT_WORK_AT] :]
+    currents = work[integers[N_SIGNALS] : integers[N_SIGNALS] + 2 * n_terminals]
+    for row in range(2 * n_ports):
+        total = 0.0
+        for k in range(order):
+            total += reals[slopes + row * order + k] * z[k]
+        kept[row] = total
+    for p in range(n_ports):
+        gain, turn = np.exp(kept[p]), kept[n_ports + p]
+        c, s = np.cos(turn), np.sin(turn)
+        kept[2 * n_ports + p], kept[3 * n_ports + p] = c, s
+        j_r, j_i = gain * reals[at + p], gain * reals[at + n_ports + p]
+        terminal = integers[integers[PORTS_AT] + p]
+        currents[terminal] += c * j_r - s * j_i
+        currents[n_terminals + terminal] += c * j_i + s * j_r
+
+
+@compiled_part
+def _port_inputs(integers, reals, work):
+    """Deviations of angle and logarithm of the port voltages, into the kept places.
+
+    An angle is taken within half a turn of that of the port's own current.
+    """
+    n_ports, n_terminals = integers[N_PORTS], integers[N_TERMINALS]
+    at = integers[AREA_AT] + 2 * n_ports
+    voltages_at = integers[N_SIGNALS] - 2 * n_terminals
+    kept = work[integers[PORT_WORK_AT] :]
+    for p in range(n_ports):
+        terminal = integers[integers[PORTS_AT] + p]
+        v_r, v_i = work[voltages_at + terminal], work[voltages_at + n_terminals + terminal]
+        w_r, w_i = reals[at + p], reals[at + n_ports + p]
+        d_r, d_i = v_r * w_r - v_i * w_i, v_r * w_i + v_i * w_r
+        c, s = kept[2 * n_ports + p], kept[3 * n_ports + p]
+        kept[p] = kept[n_ports + p] + np.arctan2(d_i * c - d_r * s, d_r * c + d_i * s)
+        kept[n_ports + p] = 0.5 * np.log(d_r * d_r + d_i * d_i)
+
+
+@compiled_part
+def _move_area(integers, reals, work, z, dz):
+    """Set z' from the inputs."""
+    order, n_pairs, n_ports = integers[ORDER], integers[N_PAIRS], integers[N_PORTS]
+    diagonal = integers[AREA_AT] + 4 * n_ports
+    offset, coupling = diagonal + order, diagonal + 2 * order
+    columns = coupling + n_pairs + 2 * n_ports * order
+    du = work[integers[PORT_WORK_AT] :]
+    for k in range(order):
+        dz[k] = reals[diagonal + k] * z[k] + reals[offset + k]
+    first = order - 2 * n_pairs
+    for k in range(n_pairs):
+        dz[first + k] += reals[coupling + k] * z[first + n_pairs + k]
+    for k in range(n_pairs):
+        dz[first + n_pairs + k] -= reals[coupling + k] * z[first + k]
+    for j in range(2 * n_ports):
+        u = du[j]
+        for k in range(order):
+            dz[k] += reals[columns + j * order + k] * u
+
+
+def _port_rhs(integers, reals, work, v, dv):
+    n = integers[N_STATES]
+    for i in range(n):
+        work[i] = v[i]
+    load_constants(integers, reals, work)
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
+    run_calls(0, n_source, integers, reals, work, v, dv)
+    add_source_currents(integers, work)
+    _add_port_currents(integers, reals, work, v[n:])
+    solve_network(integers, reals, work)
+    run_calls(n_source, n_output, integers, reals, work, v, dv)
+    run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, v, dv)
+    freeze(integers, dv)
+    _port_inputs(integers, reals, work)
+    _move_area(integers, reals, work, v[n:], dv[n:])
+
+
+@cache
+def _compiled() -> Any:
+    return compile_callback(_port_rhs, RHS_SIGNATURE)
