@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import block_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
 
+from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
 from gridfold.errors import InitializationError
-from gridfold.numerics.blas import one_blas_thread
 
 _MAX_ITERATIONS = 30
 
@@ -34,7 +36,6 @@ class Equilibrium:
     rate: float
 
 
-@one_blas_thread
 def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equilibrium:
     """Equilibrium of `model` in its network state, by Newton's method from `guess`.
 
@@ -56,15 +57,15 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     else:
         condition[angles] = model.inertia(units) / model.inertia(units).sum()
     x, rate = guess.copy(), 0.0
+    idle = _idle_states(model)
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
         if np.abs(residual).max() < RESIDUAL_GOOD:
             return Equilibrium(x, rate)
         excess = condition @ np.append(x - guess, rate)
-        matrix = np.vstack([np.column_stack([_regular_jacobian(model, x), -moving]), condition])
         try:
-            step = np.linalg.solve(matrix, np.append(residual, excess))
-        except np.linalg.LinAlgError:
+            step = _bordered_solve(model, x, idle, moving, condition, np.append(residual, excess))
+        except RuntimeError:
             break
         x, rate = x - step[:-1], float(rate - step[-1])
         if not np.isfinite(x).all():
@@ -72,11 +73,40 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     raise InitializationError("no equilibrium was found for the network after the disturbance")
 
 
-def _regular_jacobian(model: DetailedModel, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The Jacobian, with ones for the states of units that are out, whose rows are zero."""
-    matrix = model.jacobian(x)
+def _bordered_solve(
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    idle: NDArray[np.float64],
+    moving: NDArray[np.float64],
+    condition: NDArray[np.float64],
+    rhs: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Solve with the Jacobian bordered by the rate's column and the condition's row, (n_states + 1,).
+
+    The node voltages are unknowns too, so that all is sparse.
+    """
+    grid, n = grid_descriptor(model, x), model.n_states
+    border = csc_array(-moving[:, None])
+    row = csc_array(condition[None, :n])
+    matrix = block_array(
+        [
+            [grid.a11 + diags_array(idle), grid.a12, border],
+            [grid.a21, grid.a22, None],
+            [row, None, csc_array([[condition[n]]])],
+        ],
+        format="csc",
+    )
+    full = np.zeros(matrix.shape[0])
+    full[:n], full[-1] = rhs[:n], rhs[n]
+    solution = splu(matrix).solve(full)
+    return np.asarray(np.append(solution[:n], solution[-1]))
+
+
+def _idle_states(model: DetailedModel) -> NDArray[np.float64]:
+    """Ones for the states of units that are out, whose rows of the Jacobian are zero."""
+    idle = np.zeros(model.n_states)
     for block in model.layout.blocks:
         for unit, column in zip(block.units, block.state_index.T, strict=True):
             if unit in model.state.units_out:
-                matrix[column, column] = 1.0
-    return matrix
+                idle[column] = 1.0
+    return idle

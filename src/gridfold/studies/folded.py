@@ -71,7 +71,7 @@ def fold(
 def _fold(parts, coupling, ports, weights, reducer, model, point):
     smooth = without_touched(model, point.x, ports.units)
     area = linearize_ports(ports, smooth, point.x, weights)
-    reduction = reducer.reduce(area.system.dense(), area.x0)
+    reduction = reducer.reduce(area.system.dense(), area.x0, include=area.turn)
     form = modal_form(reduction.system.a)
     assert form is not None
     order, n_pairs = pair_order(form)

@@ -5,7 +5,7 @@ A grid is such a system: blocks of devices, joined by the algebraic equations of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -90,6 +90,14 @@ class DescriptorSystem:
     def apply(self, x: Matrix) -> Matrix:
         """A x for the columns of `x`, shape (n, j): shape (n, j)."""
         return self.a11 @ x - self.a12 @ self._algebraic(self.a21 @ x)
+
+    def with_outputs(self, c: Matrix) -> DescriptorSystem:
+        """The same with the outputs y = C x."""
+        return replace(self, c=c)
+
+    def algebraic_transposed(self, rhs: Matrix) -> Matrix:
+        """A22^-T R for the columns of `rhs`, shape (k, j)."""
+        return np.asarray(self._factors.solve(rhs, "T") if self.a22.shape[0] else rhs)
 
     def at(self, s: complex) -> Resolvent:
         """The factored matrix s I - A, for many right-hand sides."""
