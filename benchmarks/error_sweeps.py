@@ -27,9 +27,9 @@ from gridfold import (
     simulate,
     simulate_adaptive,
 )
+from gridfold.equivalents.families import ReducedExternal, reduce_external
 from gridfold.partition import linearize_external
 from gridfold.report.sweeps import Curve, Panel, plot_panels
-from gridfold.studies.reduced import ReducedExternal, reduce_external
 
 T_END = 16.0
 STUDY_AREA = range(1, 37)

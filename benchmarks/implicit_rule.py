@@ -23,7 +23,7 @@ from gridfold import (
 from gridfold.dynamics.network.closed import FACTORED_FROM, ClosedNetworks
 from gridfold.numerics.implicit import CompiledSolver
 from gridfold.numerics.steppers import ImplicitTrapezoidal, Stepper
-from gridfold.studies.simulate import ModelStore
+from gridfold.runs.simulate import ModelStore
 
 T_END = 16.0
 EVENTS = (BusFault(3, start=0.0, duration=0.2),)

@@ -19,8 +19,8 @@ from pathlib import Path
 import pandas as pd
 from report import Section, Table, machine, one_thread, write
 
-from gridfold.contingencies.summary import WALL
 from gridfold.io.study_store import FILE, StudyStore
+from gridfold.study.summary import WALL
 
 KILLS = 500
 SEED = 2026

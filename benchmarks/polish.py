@@ -38,12 +38,12 @@ from gridfold import (
     simulate,
     simulate_adaptive,
 )
+from gridfold.equivalents.compare import UnitError
+from gridfold.equivalents.families import ReducedExternal, reduce_external, slow_modes
 from gridfold.partition import linearize_external
 from gridfold.partition.areas import study_buses
 from gridfold.reduction import BalancedTruncation, Reduction
-from gridfold.studies.compare import UnitError
-from gridfold.studies.reduced import ReducedExternal, reduce_external, slow_modes
-from gridfold.studies.simulate import ModelStore
+from gridfold.runs.simulate import ModelStore
 from gridfold.systems.statemap import StateMap
 
 SOURCE = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))

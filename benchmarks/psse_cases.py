@@ -35,12 +35,12 @@ from gridfold import (
     small_signal,
     whole_system,
 )
+from gridfold.equivalents.adaptive import AdaptiveRun
+from gridfold.equivalents.families import ReducedExternal, reduce_external
+from gridfold.equivalents.small_models import Mode
 from gridfold.grid.case import UnitKey
 from gridfold.partition import linearize_external
-from gridfold.studies.adaptive import AdaptiveRun
-from gridfold.studies.psse import load_psse
-from gridfold.studies.reduced import ReducedExternal, reduce_external
-from gridfold.studies.small_models import Mode
+from gridfold.runs.loading import load_psse
 
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
 PAGE = "psse_cases.md"

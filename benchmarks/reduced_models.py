@@ -12,13 +12,13 @@ from timing import interleave, rhs_calls
 
 from gridfold import BusFault, DetailedModel, build_model, load_case, simulate
 from gridfold.dynamics.area_model import Outputs
+from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.compare import compare
+from gridfold.equivalents.families import ReducedExternal, SmallModel, reduce_external, whole_system
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation
-from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
-from gridfold.studies.compare import compare
-from gridfold.studies.reduced import ReducedExternal, SmallModel, reduce_external, whole_system
-from gridfold.studies.simulate import ModelStore
-from gridfold.studies.small_models import SmallModels
+from gridfold.runs.simulate import ModelStore
 
 T_END = 16.0
 FAULTS = {

@@ -21,14 +21,14 @@ from gridfold import (
     simulate,
 )
 from gridfold.dynamics.area_model import Outputs
+from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.calibrate import Calibration, ThresholdKind, calibrate
+from gridfold.equivalents.compare import compare
+from gridfold.equivalents.families import ReducedExternal, reduce_external
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation, Reduction
-from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
-from gridfold.studies.calibrate import Calibration, ThresholdKind, calibrate
-from gridfold.studies.compare import compare
-from gridfold.studies.reduced import ReducedExternal, reduce_external
-from gridfold.studies.simulate import ModelStore
-from gridfold.studies.small_models import SmallModels
+from gridfold.runs.simulate import ModelStore
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.status import Status
 

@@ -22,7 +22,7 @@ from gridfold import (
 )
 from gridfold.dynamics.network import compile_network
 from gridfold.numerics.steppers import Stepper
-from gridfold.studies.simulate import ModelStore
+from gridfold.runs.simulate import ModelStore
 
 T_END = 16.0
 EVENTS = (BusFault(3, start=0.0, duration=0.2),)

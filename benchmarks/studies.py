@@ -14,10 +14,10 @@ from typing import Any
 import pandas as pd
 from report import Goal, Section, Table, machine, one_thread, write
 
-from gridfold.contingencies import Progress, Study, StudyRun, run_study
-from gridfold.contingencies.study_file import parse_study, template
-from gridfold.contingencies.summary import WALL
 from gridfold.io.study_store import StudyStore
+from gridfold.study import Progress, Study, StudyRun, run_study
+from gridfold.study.study_file import parse_study, template
+from gridfold.study.summary import WALL
 
 ROUNDS = 5
 #: Every bus fault of the study area and both ends of every line of it, as the template asks for.

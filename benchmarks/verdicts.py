@@ -30,10 +30,10 @@ from gridfold import (
     whole_system,
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.studies.clearing_time import Simulator
-from gridfold.studies.reduced import ModelFamily, reduce_external
-from gridfold.studies.simulate import ModelStore
-from gridfold.studies.small_models import Mode
+from gridfold.equivalents.families import ModelFamily, reduce_external
+from gridfold.equivalents.small_models import Mode
+from gridfold.runs.clearing_time import Simulator
+from gridfold.runs.simulate import ModelStore
 
 T_END, RESOLUTION = 16.0, 0.01
 BUSES = tuple(range(1, 37))

@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import gridfold
-from gridfold.contingencies.study_file import json_schema
-from gridfold.contingencies.summary import Figures, column_types
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
+from gridfold.equivalents.families import COLUMN_NORM
+from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
-from gridfold.studies.model_kind import ANGLES_DEG, TOLERANCE
-from gridfold.studies.reduced import COLUMN_NORM
+from gridfold.study.study_file import json_schema
+from gridfold.study.summary import Figures, column_types
 
 #: Fragments that a command of the project makes: that command, and the level of their headings.
 MADE_ELSEWHERE = {

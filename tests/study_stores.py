@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gridfold.contingencies.study_file import Study
-from gridfold.contingencies.summary import Figures, column_types
 from gridfold.io.study_store import Result, StudyStore
+from gridfold.study.study_file import Study
+from gridfold.study.summary import Figures, column_types
 
 #: Would end the record's script, be an element, or markup of Plotly, if it were not escaped.
 WICKED = "</script><b>wicked</b> & <a href='http://127.0.0.1/'>x</a>"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gridfold as gf
-from gridfold.contingencies.study_file import parse_study
+from gridfold.study.study_file import parse_study
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 GUIDE = EXAMPLES.parent / "docs" / "howto" / "study.md"

@@ -19,7 +19,7 @@ from gridfold import AngleReference, BusFault, DetailedModel, build_model, simul
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.registry import DEVICES
 from gridfold.numerics.steppers import Stepper
-from gridfold.studies.psse import load_psse
+from gridfold.runs.loading import load_psse
 
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
 ENVIRONMENTS = ROOT / ".venv-peers"

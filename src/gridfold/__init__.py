@@ -7,11 +7,18 @@
 <Status.COMPLETED: 'completed'>
 """
 
-from gridfold.contingencies import Study, StudyRun, Workers, load_study, run_study
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.calibrate import calibrate
+from gridfold.equivalents.compare import Comparison, compare
+from gridfold.equivalents.error_budget import error_budget
+from gridfold.equivalents.families import reduce_external as reduce
+from gridfold.equivalents.families import whole_system
+from gridfold.equivalents.saved import load_reduced, save_reduced
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import (
     CaseError,
     CaseFileError,
@@ -61,25 +68,18 @@ from gridfold.reduction import (
     Unreduced,
 )
 from gridfold.reduction.interop import to_control, to_pymor
-from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
-from gridfold.studies.calibrate import calibrate
-from gridfold.studies.clearing_time import (
+from gridfold.runs.clearing_time import (
     ClearingTime,
     critical_clearing_time,
     critical_clearing_times,
 )
-from gridfold.studies.compare import Comparison, compare
-from gridfold.studies.error_budget import error_budget
-from gridfold.studies.method import choose_stepper
-from gridfold.studies.psse import load_case, load_psse
-from gridfold.studies.reduced import reduce_external as reduce
-from gridfold.studies.reduced import whole_system
-from gridfold.studies.saved import load_reduced, save_reduced
-from gridfold.studies.simulate import simulate
-from gridfold.studies.small_models import SmallModels
-from gridfold.studies.small_signal import SmallSignal, small_signal
-from gridfold.studies.synchronism import SynchronismCriterion
-from gridfold.studies.trajectory import AngleReference, Trajectory
+from gridfold.runs.loading import load_case, load_psse
+from gridfold.runs.method import choose_stepper
+from gridfold.runs.simulate import simulate
+from gridfold.runs.small_signal import SmallSignal, small_signal
+from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.study import Study, StudyRun, Workers, load_study, run_study
 from gridfold.systems.status import Status
 from gridfold.version import __version__
 

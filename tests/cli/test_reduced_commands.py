@@ -10,8 +10,8 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.equivalents.saved import save_reduced
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
-from gridfold.studies.saved import save_reduced
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
 

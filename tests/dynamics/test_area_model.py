@@ -11,11 +11,11 @@ from scipy.linalg import expm
 import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.registry import DEVICES
+from gridfold.equivalents.families import ReducedExternal, reduce_external, whole_system
 from gridfold.grid.timeline import build_timeline
 from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation
 from gridfold.simulation import Segment, run_segments
-from gridfold.studies.reduced import ReducedExternal, reduce_external, whole_system
 
 KEPT = 1.0
 

@@ -9,9 +9,9 @@ from area_cases import Unreduced
 
 import gridfold as gf
 from gridfold.dynamics.network.loads import BREAK_VOLTAGE, NonlinearLoads
+from gridfold.equivalents.families import reduce_external
 from gridfold.numerics.implicit import numerical_jacobian
 from gridfold.partition import partition
-from gridfold.studies.reduced import reduce_external
 
 MODELS = ["1,0,0", "0,1,0", "0.3,0.3,0.4"]
 FAULT = [gf.BusFault(3, duration=0.1)]

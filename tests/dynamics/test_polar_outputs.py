@@ -11,8 +11,8 @@ from area_cases import Unreduced
 from gridfold.dynamics.area_model import Outputs
 from gridfold.dynamics.area_rhs import N_FORMED
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.families import ReducedExternal, reduce_external
 from gridfold.partition import partition
-from gridfold.studies.reduced import ReducedExternal, reduce_external
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
+from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.reduced_files import VERSION, ReducedFile, read_reduced, write_reduced
-from gridfold.studies.saved import load_reduced, save_reduced
 
 HEADER = {
     "case": "small",

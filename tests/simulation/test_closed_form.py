@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import gridfold as gf
+from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.families import WholeSystem, whole_system
 from gridfold.numerics.modal_form import modal_form
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4
@@ -13,8 +15,6 @@ from gridfold.numerics.watch import BandWatch
 from gridfold.partition import partition
 from gridfold.simulation import Segment, run_segments
 from gridfold.simulation.run import BLOCK
-from gridfold.studies.adaptive import SwitchingRule, simulate_adaptive
-from gridfold.studies.reduced import WholeSystem, whole_system
 from gridfold.systems import System
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.status import Status

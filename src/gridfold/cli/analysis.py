@@ -42,11 +42,11 @@ from gridfold.report.tables import (
     model_facts,
     shortened,
 )
-from gridfold.studies.basis import basis_of
-from gridfold.studies.case_info import CaseInfo, area_ties
-from gridfold.studies.clearing_time import ClearingTime, critical_clearing_times
-from gridfold.studies.simulate import simulate
-from gridfold.studies.small_signal import SmallSignal, small_signal
+from gridfold.runs.basis import basis_of
+from gridfold.runs.case_info import CaseInfo, area_ties
+from gridfold.runs.clearing_time import ClearingTime, critical_clearing_times
+from gridfold.runs.simulate import simulate
+from gridfold.runs.small_signal import SmallSignal, small_signal
 
 
 class ModeOrder(Enum):

@@ -32,18 +32,18 @@ from gridfold.cli.options import (
 )
 from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.calibrate import Calibration, Threshold, ThresholdKind
+from gridfold.equivalents.calibrate import calibrate as run_calibration
+from gridfold.equivalents.contingency_errors import AngleError, Contingency
+from gridfold.equivalents.saved import reducer_record
 from gridfold.grid.events import BusFault, Event
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
-from gridfold.studies.basis import basis_of
-from gridfold.studies.calibrate import Calibration, Threshold, ThresholdKind
-from gridfold.studies.calibrate import calibrate as run_calibration
-from gridfold.studies.clearing_time import critical_clearing_times
-from gridfold.studies.contingency_errors import AngleError, Contingency
-from gridfold.studies.method import Choice
-from gridfold.studies.saved import reducer_record
+from gridfold.runs.basis import basis_of
+from gridfold.runs.clearing_time import critical_clearing_times
+from gridfold.runs.method import Choice
 
 
 class ThresholdChoice(Enum):

@@ -19,26 +19,26 @@ from gridfold.cli.options import (
     model_option,
 )
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.error_budget import ErrorBudget, error_budget
+from gridfold.equivalents.families import (
+    ReducedExternal,
+    WholeSystem,
+    reduce_external,
+    whole_system,
+)
+from gridfold.equivalents.model_kind import ANGLES_DEG, LONGEST_ABOVE, ModelKind, ReducerKind
+from gridfold.equivalents.saved import SavedReduction, load_reduced, reducer_record
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.grid.number_ranges import as_ranges
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation
-from gridfold.studies.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
-from gridfold.studies.error_budget import ErrorBudget, error_budget
-from gridfold.studies.model_kind import ANGLES_DEG, LONGEST_ABOVE, ModelKind, ReducerKind
-from gridfold.studies.reduced import (
-    ReducedExternal,
-    WholeSystem,
-    reduce_external,
-    whole_system,
-)
-from gridfold.studies.saved import SavedReduction, load_reduced, reducer_record
-from gridfold.studies.simulate import ModelStore
-from gridfold.studies.small_models import SmallModels
-from gridfold.studies.synchronism import SynchronismCriterion
-from gridfold.studies.trajectory import Trajectory, UsedModel
+from gridfold.runs.simulate import ModelStore
+from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.trajectory import Trajectory, UsedModel
 
 _REDUCERS = {
     BalancedTruncation.__name__: ReducerKind.BALANCED,

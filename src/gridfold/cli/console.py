@@ -22,7 +22,7 @@ from rich.progress import (
 
 from gridfold.io.results import write_json
 from gridfold.report.tables import basis_facts, facts_table
-from gridfold.studies.basis import Basis
+from gridfold.runs.basis import Basis
 from gridfold.systems.status import Status
 
 out = Console()

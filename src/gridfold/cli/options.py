@@ -15,17 +15,17 @@ from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.equivalents.families import COLUMN_NORM, ReducedExternal
+from gridfold.equivalents.model_kind import STUDY_AREAS, ReducerKind
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.number_ranges import parse_numbers
 from gridfold.partition import Coupling, study_buses
 from gridfold.reduction import Reducer
-from gridfold.studies.case_info import CaseInfo, examine_case, examine_files
-from gridfold.studies.method import Choice, Method, choose_stepper
-from gridfold.studies.model_kind import STUDY_AREAS, ReducerKind
-from gridfold.studies.psse import is_network_file, load_case
-from gridfold.studies.reduced import COLUMN_NORM, ReducedExternal
-from gridfold.studies.synchronism import SynchronismCriterion
+from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
+from gridfold.runs.loading import is_network_file, load_case
+from gridfold.runs.method import Choice, Method, choose_stepper
+from gridfold.runs.synchronism import SynchronismCriterion
 
 _case_option = partial(typer.Option, rich_help_panel="Case")
 run_option = partial(typer.Option, rich_help_panel="Runs")

@@ -11,16 +11,16 @@ import numpy as np
 from gridfold.cli.choice import ReducedSimulator
 from gridfold.cli.console import out
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.adaptive import Switch
+from gridfold.equivalents.compare import Comparison, UnitError, compare
+from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
 from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
-from gridfold.studies.adaptive import Switch
-from gridfold.studies.compare import Comparison, UnitError, compare
-from gridfold.studies.error_budget import ErrorBudget
-from gridfold.studies.method import Choice
-from gridfold.studies.simulate import ModelStore, simulate
-from gridfold.studies.synchronism import SynchronismCriterion
-from gridfold.studies.trajectory import Trajectory
+from gridfold.runs.method import Choice
+from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 

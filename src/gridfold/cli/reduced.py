@@ -11,6 +11,8 @@ import typer
 from gridfold.cli.choice import ExternalOptions, model_settings
 from gridfold.cli.console import out, say_basis, speaks_to_people, write_json_option
 from gridfold.cli.options import AreaOptions, CaseOptions, JsonOption, NormOptions
+from gridfold.equivalents.families import ReducedExternal
+from gridfold.equivalents.saved import reducer_record, save_reduced
 from gridfold.grid.number_ranges import as_ranges
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition import partition as divide
@@ -22,9 +24,7 @@ from gridfold.report.tables import (
     reduction_facts,
     tie_table,
 )
-from gridfold.studies.basis import basis_of
-from gridfold.studies.reduced import ReducedExternal
-from gridfold.studies.saved import reducer_record, save_reduced
+from gridfold.runs.basis import basis_of
 
 
 def partition(

@@ -14,11 +14,14 @@ from gridfold.cli.options import JsonOption
 from gridfold.dynamics.model import build_model
 from gridfold.grid.events import BusFault
 from gridfold.io.case_folder import read_case
-from gridfold.report.reproduction import reproduction_tables
-from gridfold.report.reproduction_figures import plot_map, plot_rotor_angles, plot_switches
-from gridfold.studies import published
-from gridfold.studies.clearing_time import critical_clearing_time
-from gridfold.studies.reproduce import (
+from gridfold.paper import published
+from gridfold.paper.calibrated import (
+    calibrate_study,
+    calibrated_rows,
+    calibrated_study,
+)
+from gridfold.paper.record import Reproduction, system_facts
+from gridfold.paper.runs import (
     PRINTED,
     BusRow,
     CaseStudy,
@@ -28,13 +31,10 @@ from gridfold.studies.reproduce import (
     bus_rows,
     prepare,
 )
-from gridfold.studies.reproduce_calibrated import (
-    calibrate_study,
-    calibrated_rows,
-    calibrated_study,
-)
-from gridfold.studies.reproduce_record import Reproduction, system_facts
-from gridfold.studies.reproduce_tables import ADAPTIVE, table_2, table_3, table_4, verdicts
+from gridfold.paper.tables import ADAPTIVE, table_2, table_3, table_4, verdicts
+from gridfold.report.reproduction import reproduction_tables
+from gridfold.report.reproduction_figures import plot_map, plot_rotor_angles, plot_switches
+from gridfold.runs.clearing_time import critical_clearing_time
 
 
 class Part(Enum):

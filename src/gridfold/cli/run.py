@@ -24,6 +24,7 @@ from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import NetworkBackend
+from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
@@ -39,12 +40,11 @@ from gridfold.report.tables import (
     shortened,
     swing_table,
 )
-from gridfold.studies.basis import basis_of
-from gridfold.studies.clearing_time import critical_clearing_time
-from gridfold.studies.model_kind import ModelKind
-from gridfold.studies.simulate import simulate as run_simulation
-from gridfold.studies.summary import Summary, summarize
-from gridfold.studies.trajectory import Trajectory
+from gridfold.runs.basis import basis_of
+from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.simulate import simulate as run_simulation
+from gridfold.runs.summary import Summary, summarize
+from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 #: Machines with the largest errors that a picture shows in colour.

@@ -25,14 +25,14 @@ from rich.progress import Progress as Bars
 
 from gridfold.cli.console import ExitCode, err, out, write_json_option
 from gridfold.cli.options import JsonOption
-from gridfold.contingencies import Progress, Stage, Workers, run_study
-from gridfold.contingencies.study_file import json_schema, write_template
 from gridfold.errors import OptionError, OutputError
 from gridfold.io.results import write_csv, write_parquet
 from gridfold.io.study_store import StudyStore
 from gridfold.report.study_report import write_report
 from gridfold.report.study_tables import result_table, study_facts
 from gridfold.report.tables import facts_table
+from gridfold.study import Progress, Stage, Workers, run_study
+from gridfold.study.study_file import json_schema, write_template
 
 #: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
 _INTERRUPTED = 130

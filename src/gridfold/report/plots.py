@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gridfold.grid.case import UnitKey
 from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
-from gridfold.studies.small_signal import SmallSignal
-from gridfold.studies.summary import summarize
-from gridfold.studies.trajectory import AngleReference, Trajectory
+from gridfold.runs.small_signal import SmallSignal
+from gridfold.runs.summary import summarize
+from gridfold.runs.trajectory import AngleReference, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,15 +8,15 @@ from dataclasses import asdict
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from gridfold.studies import published
-from gridfold.studies.reproduce import PRINTED, BusRow, FaultErrors, SmallRun
-from gridfold.studies.reproduce_record import (
+from gridfold.paper import published
+from gridfold.paper.record import (
     PUBLISHED_FACTS,
     Reproduction,
     SystemFacts,
     paper_means,
 )
-from gridfold.studies.reproduce_tables import (
+from gridfold.paper.runs import PRINTED, BusRow, FaultErrors, SmallRun
+from gridfold.paper.tables import (
     ADAPTIVE,
     ConditionRow,
     Means,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.equivalents.adaptive import AdaptiveRun
+from gridfold.equivalents.small_models import Mode
 from gridfold.errors import OptionError
 from gridfold.grid.case import Bus
+from gridfold.paper.runs import CaseStudy, SmallRun
 from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
-from gridfold.studies.adaptive import AdaptiveRun
-from gridfold.studies.reproduce import CaseStudy, SmallRun
-from gridfold.studies.small_models import Mode
-from gridfold.studies.trajectory import Trajectory
+from gridfold.runs.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

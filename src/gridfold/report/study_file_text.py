@@ -13,7 +13,7 @@ def study_file_text(content: Mapping[str, Any]) -> str:
     Parameters
     ----------
     content : mapping
-        As :meth:`gridfold.contingencies.Study.content` gives it.
+        As :meth:`gridfold.study.Study.content` gives it.
     """
     return "\n".join(_table(content, "")).strip() + "\n"
 

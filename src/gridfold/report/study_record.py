@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.io.study_store import StudyStore
+from gridfold.paper.published import SOURCE, TABLE_1
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.study_file_text import study_file_text
 from gridfold.report.study_tables import study_facts
-from gridfold.studies.published import SOURCE, TABLE_1
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from gridfold.contingencies.work import StudyRun
 from gridfold.io.study_store import StudyStore
+from gridfold.study.work import StudyRun
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,19 +9,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.adaptive import Switch
+from gridfold.equivalents.compare import Comparison
+from gridfold.equivalents.error_budget import ErrorBudget
+from gridfold.equivalents.families import ReducedExternal
 from gridfold.grid.case import Case, UnitKey
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
-from gridfold.studies.adaptive import Switch
-from gridfold.studies.basis import Basis
-from gridfold.studies.case_info import AreaTie, ModelCount
-from gridfold.studies.clearing_time import ClearingTime
-from gridfold.studies.compare import Comparison
-from gridfold.studies.error_budget import ErrorBudget
-from gridfold.studies.reduced import ReducedExternal
-from gridfold.studies.small_signal import SmallSignal
-from gridfold.studies.summary import Summary
-from gridfold.studies.trajectory import Trajectory
+from gridfold.runs.basis import Basis
+from gridfold.runs.case_info import AreaTie, ModelCount
+from gridfold.runs.clearing_time import ClearingTime
+from gridfold.runs.small_signal import SmallSignal
+from gridfold.runs.summary import Summary
+from gridfold.runs.trajectory import Trajectory
 
 #: Nonlinear functions of a generator as the paper counts them (Osipov & Sun, section III.A).
 FUNCTIONS_PER_GENERATOR = 4

@@ -1,0 +1,282 @@
+"""The adaptive switching algorithm: section II.C and Fig. 2 of Osipov & Sun.
+
+Detailed while a fault is on; after that hybrid as long as the angle deviation of any study-area
+machine exceeds the threshold, else linear. When the topology has changed, or the threshold has been
+exceeded for too long, the models move to the new operating point.
+
+Linear units know no limits. Where one of theirs is reached the detailed model takes over.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.angle_watches import deviation_rows, watched_segment
+from gridfold.equivalents.families import ModelFamily, SmallModel
+from gridfold.equivalents.limit_watches import LinearLimits, listed, origin_notice, passed_notices
+from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.errors import OptionError
+from gridfold.grid.events import Event
+from gridfold.grid.timeline import Stage
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.watch import Watch
+from gridfold.runs.notices import Notice, in_order, stage_notices
+from gridfold.runs.simulate import ModelStore, SimulationPlan, plan_simulation
+from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
+from gridfold.runs.trajectory import Trajectory
+from gridfold.simulation.run import run_plan
+from gridfold.simulation.segment import Piece, Segment
+
+#: Times closer than this (s) are one instant.
+_INSTANT = 1e-9
+#: Time (s) for which the detailed model stays in use once a limit was reached.
+LIMIT_DWELL = 0.1
+
+
+class Switch(NamedTuple):
+    """A change of model: when (s), from what to what, why, and the largest jump of a rotor angle."""
+
+    time: float
+    before: Mode | None
+    after: Mode
+    reason: str
+    jump_deg: float
+
+
+@dataclass(frozen=True)
+class SwitchingRule:
+    """When which model is used.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Threshold of the angle deviation in degrees; 0 is hybrid all the time, infinity linear.
+    longest_above : float
+        Time in seconds above the threshold after which the operating point is looked for anew.
+    limits : bool
+        Whether the detailed model is used where a limit of a linear unit is reached; limits that are
+        passed are told in any case.
+    """
+
+    angle_deg: float
+    longest_above: float = 5.0
+    limits: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.angle_deg >= 0:
+            raise OptionError(
+                f"the angle threshold must be 0 degrees or more, not {self.angle_deg!r}"
+            )
+        if not self.longest_above > 0:
+            raise OptionError(f"longest_above must be positive, not {self.longest_above!r}")
+
+
+@dataclass(frozen=True)
+class AdaptiveRun:
+    """A run with reduced models.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run; its states are those of the whole system, lifted where a reduced model was in use.
+    switches : tuple of Switch
+        The log of switches.
+    reduction_seconds : float
+        Time spent on building reduced models during the run.
+    modes : tuple of Mode
+        Which model was in use in each piece of the run.
+    """
+
+    trajectory: Trajectory
+    switches: tuple[Switch, ...]
+    reduction_seconds: float
+    modes: tuple[Mode, ...] = ()
+
+
+@dataclass
+class AdaptivePlan:
+    """Says which model comes next, and keeps the log."""
+
+    plan: SimulationPlan
+    small: SmallModels
+    rule: SwitchingRule
+    criterion: SynchronismCriterion | None
+    switches: list[Switch] = field(default_factory=list)
+    models: list[DetailedModel] = field(default_factory=list)
+    modes: list[Mode] = field(default_factory=list)
+    above_since: float | None = None
+    looked: bool = False
+    at_limit: bool = False
+    limits: list[LinearLimits | None] = field(default_factory=list)
+    told: dict[tuple[str, ...], float] = field(default_factory=dict)
+
+    def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
+        """The segment from `time` and the state `x` on."""
+        if time >= self.plan.t_end - _INSTANT:
+            return None
+        stage, model, end = self._stage(time)
+        mode, reason = self._choose(time, model, x)
+        small = None if mode is Mode.DETAILED else self.small.get(model, mode)
+        if small is None and mode is not Mode.DETAILED:
+            mode, reason = Mode.DETAILED, "there is no equilibrium to linearize about"
+        limits = None if small is None else self.small.limits(model, mode)
+        reached = self._reached(limits, x)
+        if reached:
+            mode, reason, small, limits = Mode.DETAILED, f"{listed(reached)} reached", None, None
+            end = min(end, round(time + LIMIT_DWELL, 9))
+        elif mode is Mode.HYBRID and self.above_since is not None and not self.looked:
+            end = min(end, max(self.above_since + self.rule.longest_above, time + _INSTANT))
+        self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
+        self.at_limit = bool(reached)
+        self.models.append(model)
+        self.modes.append(mode)
+        self.limits.append(limits)
+        label = f"{stage.label} ({mode.value})"
+        switch, further = self._watch(model, mode), self._limit_watch(limits)
+        return watched_segment(model, small, end, label, switch, self.criterion, further)
+
+    def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
+        """Limits that act at operating points, and those that small models passed."""
+        every = not self.rule.limits
+        phases = [
+            limits.passed(piece, every)
+            for piece, limits in zip(pieces, self.limits, strict=False)
+            if limits is not None
+        ]
+        at_origin = [origin_notice(time, names) for names, time in self.told.items() if names]
+        return [*at_origin, *passed_notices(phases)]
+
+    def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
+        """Limits for which the detailed model has to take over, or stay."""
+        if limits is None or not self.rule.limits:
+            return ()
+        was_detailed = not self.switches or self.switches[-1].after is Mode.DETAILED
+        return limits.reached(x, inside=was_detailed)
+
+    def _limit_watch(self, limits: LinearLimits | None) -> tuple[Watch, ...]:
+        if limits is None or limits.watch is None or not self.rule.limits:
+            return ()
+        return (limits.watch,)
+
+    def _stage(self, time: float) -> tuple[Stage, DetailedModel, float]:
+        now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
+        return self.plan.stages[now], self.plan.models[now], self.plan.ends[now]
+
+    def _choose(
+        self, time: float, model: DetailedModel, x: NDArray[np.float64]
+    ) -> tuple[Mode, str]:
+        if model.state.faulted:
+            self.above_since = None
+            return Mode.DETAILED, "fault on"
+        family = self.small.family_for(model)
+        if family is None:
+            return Mode.DETAILED, "there is no equilibrium to linearize about"
+        self.told.setdefault(family.at_limits, time)
+        deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
+        worst = float(deviation.max(initial=0.0))
+        if worst <= self.rule.angle_deg and self.rule.angle_deg > 0:
+            self.above_since, self.looked = None, False
+            return (
+                Mode.LINEAR,
+                f"largest angle deviation {worst:.1f} degrees is within the threshold",
+            )
+        if self.above_since is None:
+            self.above_since = time
+        elif time >= self.above_since + self.rule.longest_above - _INSTANT and not self.looked:
+            self.looked = True
+            return Mode.HYBRID, (
+                f"above the threshold for {self.rule.longest_above:g} s; the topology is that of the "
+                "operating point, nothing is rebuilt"
+            )
+        return Mode.HYBRID, f"largest angle deviation {worst:.1f} degrees exceeds the threshold"
+
+    def _watch(
+        self, model: DetailedModel, mode: Mode
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None:
+        """Condition that ends the segment: rows, origin, limit in rad, and whether inside."""
+        family = self.small.family_for(model)
+        if mode is Mode.DETAILED or family is None or self.rule.angle_deg == 0:
+            return None
+        rows = deviation_rows(model, family)
+        limit = float(np.deg2rad(self.rule.angle_deg))
+        return rows, -rows @ family.origin, limit, mode is Mode.HYBRID
+
+    def _log(
+        self,
+        time: float,
+        mode: Mode,
+        reason: str,
+        small: SmallModel | None,
+        x: NDArray[np.float64],
+        model: DetailedModel,
+        other_cause: bool,
+    ) -> None:
+        before = self.switches[-1].after if self.switches else None
+        if before is mode and not other_cause and "nothing is rebuilt" not in reason:
+            return
+        jump = 0.0
+        if small is not None:
+            angles = model.slots("rotor_angle", model.machines)
+            again = small.coordinates.lift(small.coordinates.restrict(x))
+            jump = float(np.rad2deg(np.abs((again - x)[angles]).max(initial=0.0)))
+        self.switches.append(Switch(time, before, mode, reason, jump))
+
+
+@one_blas_thread
+def simulate_adaptive(
+    model: DetailedModel,
+    family: ModelFamily | SmallModels,
+    rule: SwitchingRule,
+    events: Sequence[Event] = (),
+    t_end: float = 16.0,
+    stepper: Stepper | None = None,
+    criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+    store: ModelStore | None = None,
+) -> AdaptiveRun:
+    """Simulate with the adaptive algorithm.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The whole system.
+    family : ModelFamily or SmallModels
+        From :func:`reduce_external` or :func:`whole_system`; a :class:`SmallModels` keeps what it
+        builds for further runs.
+    rule : SwitchingRule
+        Thresholds; 0 degrees gives the hybrid and infinity the linear model all the time.
+    events, t_end, stepper, criterion, store
+        As in :func:`gridfold.simulate`.
+    """
+    stepper = RungeKutta4() if stepper is None else stepper
+    small = family if isinstance(family, SmallModels) else SmallModels(family)
+    spent = small.seconds
+    began = clock.perf_counter()
+    stages = plan_simulation(model, events, t_end, store)
+    plan = AdaptivePlan(stages, small, rule, criterion)
+    ready = clock.perf_counter()
+    run = run_plan(plan, model.x0, stepper)
+    limit_notices = plan.limit_notices(run.pieces)
+    done = clock.perf_counter()
+    reduction = small.seconds - spent
+    reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
+    trajectory = Trajectory(
+        model=model,
+        run=run,
+        models=tuple(plan.models),
+        events=tuple(events),
+        notices=in_order(*stage_notices(reached, stages.models), *limit_notices),
+        stepper=stepper,
+        criterion=criterion,
+        t_end=t_end,
+        setup_seconds=ready - began,
+        simulation_seconds=done - ready - reduction,
+    )
+    return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))

@@ -1,0 +1,104 @@
+"""Where the error of a run with a reduced external area comes from: one cause at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.compare import UnitError, compare
+from gridfold.equivalents.families import ReducedExternal, reduce_external
+from gridfold.grid.events import Event
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.steppers import RungeKutta4, ScipyReference, Stepper
+from gridfold.reduction import Unreduced
+from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.trajectory import Trajectory
+from gridfold.systems.status import Status
+
+_HYBRID = SwitchingRule(0.0)
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """The error that one cause makes alone.
+
+    Parameters
+    ----------
+    source : str
+        The cause.
+    changed : str
+        What was compared with what.
+    error : UnitError or None
+        Of the worst study-area machine; None if one of the runs did not reach the end.
+    status : Status
+        How the run with this cause ended.
+    """
+
+    source: str
+    changed: str
+    error: UnitError | None
+    status: Status
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Errors by cause; they need not add up."""
+
+    rows: tuple[BudgetRow, ...]
+
+
+@one_blas_thread
+def error_budget(
+    family: ReducedExternal,
+    rule: SwitchingRule,
+    events: Sequence[Event] = (),
+    t_end: float = 16.0,
+    stepper: Stepper | None = None,
+) -> ErrorBudget:
+    """Change one thing at a time between the detailed model and a reduced one.
+
+    Parameters
+    ----------
+    family : ReducedExternal
+        The reduced external area.
+    rule : SwitchingRule
+        Thresholds; 0 degrees gives the hybrid and infinity the linear model all the time.
+    events, t_end, stepper
+        As in :func:`gridfold.simulate`.
+
+    Returns
+    -------
+    ErrorBudget
+        Rows for the time step (against SciPy's integrator at a tolerance of 1e-10), the lagged
+        coupling (no function linear), linearization (no state truncated, exact coupling),
+        truncation (against the same without it), and the model as it is.
+    """
+    stepper = RungeKutta4() if stepper is None else stepper
+    parts, model = family.parts, family.parts.model
+    store: ModelStore = {}
+    detailed = simulate(model, events, t_end, stepper, store=store)
+    fine = simulate(model, events, t_end, ScipyReference(stepper.step), store=store)
+
+    def run(chosen: ReducedExternal, by: SwitchingRule) -> Trajectory:
+        return simulate_adaptive(model, chosen, by, events, t_end, stepper, store=store).trajectory
+
+    exact = replace(family, boundary=BoundaryCoupling.EXACT, outputs=Outputs.STATES)
+    whole = reduce_external(parts, Unreduced())
+    linear = run(replace(whole, kept=family.kept), rule)
+    every = replace(whole, kept=parts.external_units, boundary=BoundaryCoupling.LAGGED)
+    rows = (
+        ("time step", "detailed against SciPy's DOP853", fine, detailed),
+        ("coupling", "lagged, nothing linear, against detailed", detailed, run(every, _HYBRID)),
+        ("linearization", "no truncation, against detailed", detailed, linear),
+        ("truncation", "against the same without truncation", linear, run(exact, rule)),
+        ("all", "the model as chosen against detailed", detailed, run(family, rule)),
+    )
+    units = [unit for unit in parts.study_units if unit not in detailed.models[-1].state.units_out]
+    found = []
+    for source, changed, before, after in rows:
+        complete = before.status is after.status is Status.COMPLETED
+        error = compare(before, after, units).worst if complete else None
+        found.append(BudgetRow(source, changed, error, after.status))
+    return ErrorBudget(tuple(found))

@@ -1,0 +1,330 @@
+"""Reduced models of a partitioned system, and linear models of a whole one.
+
+A family of models offers, for any network state of the study area, the linear and the hybrid model
+between which the adaptive algorithm switches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.area_model import (
+    BoundaryCoupling,
+    HeldBoundary,
+    LinearArea,
+    Outputs,
+    build_area_model,
+)
+from gridfold.dynamics.equilibrium import Equilibrium
+from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.unit_limits import limits_touched, without_touched
+from gridfold.equivalents.model_kind import ReducerKind
+from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.modal_form import modal_form
+from gridfold.partition import Coupling, Partition, couple, linearize_external
+from gridfold.reduction import BalancedTruncation, Reducer, Reduction
+from gridfold.simulation.segment import Coordinates
+from gridfold.systems.dense import DenseSystem
+from gridfold.systems.linear import LinearSystem
+from gridfold.systems.modal import ModalSystem
+from gridfold.systems.protocol import System
+from gridfold.systems.statemap import StateMap
+
+#: Threshold of the column norm in per unit, as the paper calibrates it for NPCC.
+COLUMN_NORM = 1.0
+
+
+@dataclass(frozen=True)
+class SmallModel:
+    """A model, and the way between its states and those of the whole system.
+
+    `unlimited` are the units whose limits do not act in it as they should: linear ones, and those
+    whose nonlinear part acts through a reduction, which holds for small corrections only.
+    """
+
+    system: System
+    coordinates: Coordinates
+    nonlinear_functions: int
+    unlimited: tuple[UnitKey, ...] = ()
+
+    @cached_property
+    def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The whole system's states as origin + v @ slopes: shapes (n_states,) and (r, n_states)."""
+        size = self.system.compiled.n_states
+        origin = self.coordinates.lift(np.zeros(size))
+        return origin, self.coordinates.lift(np.eye(size)) - origin
+
+
+class ModelFamily(Protocol):
+    """Linear and hybrid models about one operating point."""
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The machine against which angle deviations are measured."""
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines whose angle deviations decide."""
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """State of the whole system at the operating point."""
+
+    @property
+    def at_limits(self) -> tuple[str, ...]:
+        """Limits of devices that act at the operating point: linearization freezes what they hold."""
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """The linear model, in the network state of `model`."""
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """The hybrid model, in the network state of `model`."""
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> ModelFamily:
+        """The family about another operating point, that of `model` at `point`."""
+
+
+@dataclass(frozen=True)
+class ReducedExternal:
+    """The external area reduced: equations (3)-(15) of Osipov & Sun.
+
+    Build it with :func:`reduce_external`.
+
+    Parameters
+    ----------
+    parts : Partition
+        Study and external area.
+    coupling : Coupling
+        Column norms of the external machines.
+    kept : tuple of UnitKey
+        External machines whose functions stay nonlinear in the hybrid model.
+    reduction : Reduction
+        Reduced linear system, singular values and bound.
+    area : LinearArea
+        The same, ready to be simulated.
+    origin : ndarray, shape (n_states,)
+        State of the whole system at the operating point.
+    reducer : Reducer
+        How it was reduced.
+    outputs : Outputs
+        How the external machines act on the study area.
+    boundary : BoundaryCoupling
+        How the areas know each other's boundary voltages.
+    at_limits : tuple of str
+        Limits of external units that act at the operating point.
+    """
+
+    parts: Partition
+    coupling: Coupling
+    kept: tuple[UnitKey, ...]
+    reduction: Reduction
+    area: LinearArea = field(repr=False)
+    origin: NDArray[np.float64] = field(repr=False)
+    reducer: Reducer
+    outputs: Outputs = Outputs.STATES
+    boundary: BoundaryCoupling = BoundaryCoupling.EXACT
+    at_limits: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if (self.boundary, self.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
+            raise OptionError("the lagged coupling needs outputs 'states'")
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The electrically furthest machine."""
+        return self.coupling.reference
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines of the study area."""
+        return self.parts.study_units
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """Study area in full, external area linear and reduced."""
+        return self._build(model, ())
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """Study area in full, external area reduced with the kept functions nonlinear."""
+        return self._build(model, self.kept)
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> ReducedExternal:
+        """Linearized and reduced again about `point`, the equilibrium of `model`."""
+        moved = _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
+        return replace(moved, outputs=self.outputs, boundary=self.boundary)
+
+    def _build(self, model: DetailedModel, corrected: Sequence[UnitKey]) -> SmallModel:
+        held = None
+        if self.boundary is BoundaryCoupling.LAGGED:
+            held = HeldBoundary(self.parts.study_buses, self.parts.boundary_of_both)
+        built = build_area_model(
+            model,
+            self.area,
+            corrected,
+            self.parts.boundary_buses,
+            outputs=self.outputs,
+            held=held,
+            nonlinear=self.parts.nonlinear_functions if corrected else None,
+        )
+        truncated = self.reduction.order < len(self.area.index)
+        exact = () if truncated else corrected
+        unlimited = tuple(unit for unit in self.parts.external_units if unit not in exact)
+        return SmallModel(built, built, built.nonlinear_functions, unlimited)
+
+
+def reduce_external(
+    parts: Partition,
+    reducer: Reducer | None = None,
+    column_norm: float = COLUMN_NORM,
+    outputs: Outputs = Outputs.STATES,
+    coupling: BoundaryCoupling = BoundaryCoupling.EXACT,
+) -> ReducedExternal:
+    """Linearize and reduce the external area at the equilibrium.
+
+    Parameters
+    ----------
+    parts : Partition
+        From :func:`gridfold.partition.partition`.
+    reducer : Reducer
+        Balanced truncation to a bound of 1e-5 by default, as in the paper.
+    column_norm : float
+        Machines with at least this column norm (p.u.) stay nonlinear in the hybrid model.
+    outputs : Outputs
+        How the external machines act on the study area: as in the paper, or faster.
+    coupling : BoundaryCoupling
+        Boundary voltages solved for together, or taken from the previous step as in the paper.
+    """
+    norms = couple(parts)
+    chosen = ReducerKind.BALANCED.build() if reducer is None else reducer
+    start = Equilibrium(parts.model.x0, 0.0)
+    kept = norms.kept(column_norm)
+    reduced = _reduce(parts, norms, kept, chosen, parts.model, start)
+    return replace(reduced, outputs=outputs, boundary=coupling)
+
+
+def _reduce(
+    parts: Partition,
+    coupling: Coupling,
+    kept: tuple[UnitKey, ...],
+    reducer: Reducer,
+    model: DetailedModel,
+    point: Equilibrium,
+) -> ReducedExternal:
+    smooth = without_touched(model, point.x, parts.external_units)
+    linear = linearize_external(parts, smooth, point.x)
+    if isinstance(reducer, BalancedTruncation) and reducer.slow_modes is not None:
+        slow = slow_modes(smooth, point.x, reducer.slow_modes)[linear.state_index]
+        reduction = reducer.reduce(linear.system, linear.x0, include=slow)
+    else:
+        reduction = reducer.reduce(linear.system, linear.x0)
+    if reduction.system.d.any():
+        raise OptionError("a reduction with feed-through cannot stand in for an external area")
+    form = modal_form(reduction.system.a)
+    a, b, states, partners = reduction.system.a, reduction.system.b, reduction.state_map, None
+    if form is not None:
+        a, partners = np.stack([form.diagonal, form.coupling]), form.partner
+        b = form.inverse @ b
+        states = StateMap(
+            states.reference,
+            states.lift_matrix @ form.basis,
+            form.inverse @ states.restrict_matrix,
+        )
+    area = LinearArea(
+        linear.state_index, states, linear.system, a, partners, b, linear.u0, linear.drift
+    )
+    at_limits = limits_touched(model, point.x, parts.external_units)
+    return ReducedExternal(
+        parts, coupling, kept, reduction, area, point.x, reducer, at_limits=at_limits
+    )
+
+
+def slow_modes(model: DetailedModel, x: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
+    """Modes of the whole grid at the state `x` that decay more slowly than by `decay` (1/s), or grow.
+
+    A reduced area that can be in the same state as the area is in a mode of the whole grid leaves
+    this mode as it is, eigenvalue and shape. The common turn of all rotor angles is such a mode.
+
+    Returns
+    -------
+    ndarray, shape (n_states, 2 k)
+        Real parts, then imaginary parts (zero for a real mode), of deviations of the states.
+    """
+    values, vectors = np.linalg.eig(model.jacobian(x))
+    chosen = vectors[:, (values.real > -decay) & (values.imag >= 0)]
+    return np.hstack([chosen.real, chosen.imag])
+
+
+@dataclass(frozen=True)
+class WholeSystem:
+    """The whole system without partition: equations (16) and (17) of Osipov & Sun.
+
+    The hybrid model keeps the functions of the study area and of the kept machines; the linear model
+    linearizes everything, and is stepped by modes; by its full matrix if modes coincide.
+    """
+
+    parts: Partition
+    coupling: Coupling
+    kept: tuple[UnitKey, ...]
+    origin: NDArray[np.float64] = field(repr=False)
+    rate: float = 0.0
+    at_limits: tuple[str, ...] = ()
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The electrically furthest machine."""
+        return self.coupling.reference
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines of the study area."""
+        return self.parts.study_units
+
+    def linear(self, model: DetailedModel) -> SmallModel:
+        """Everything linear, equation (17), in modal coordinates where the modes can be told apart."""
+        jacobian, drift = self._jacobian(model), model.compiled(self.origin)
+        form = modal_form(jacobian)
+        if form is None:
+            dense = DenseSystem(jacobian, drift)
+            return SmallModel(dense, StateMap.identity(self.origin), 0, model.layout.source_units)
+        states = StateMap(self.origin, form.basis, form.inverse)
+        system = ModalSystem(form, form.inverse @ drift)
+        return SmallModel(system, states, 0, model.layout.source_units)
+
+    def hybrid(self, model: DetailedModel) -> SmallModel:
+        """Functions of far machines linear, equation (16)."""
+        near = set(self.parts.study_units) | set(self.kept)
+        far = [unit for unit in self.parts.external_units if unit not in near]
+        index = np.array(self.parts.states_of(far), dtype=np.int64)
+        rest = np.setdiff1d(np.arange(model.n_states), index)
+        jacobian = self._jacobian(model)
+        full = LinearSystem(
+            jacobian[np.ix_(index, index)], jacobian[np.ix_(index, rest)], np.eye(len(index))
+        )
+        drift = model.compiled(self.origin)[index]
+        states = StateMap.identity(self.origin[index])
+        reference = self.origin[rest]
+        area = LinearArea(index, states, full, full.a, None, full.b, reference, drift)
+        built = build_area_model(model, area, input_states=rest.tolist())
+        return SmallModel(built, built, 0, tuple(far))
+
+    def _jacobian(self, model: DetailedModel) -> NDArray[np.float64]:
+        smooth = without_touched(model, self.origin, model.layout.source_units)
+        return smooth.jacobian(self.origin)
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> WholeSystem:
+        """About another operating point."""
+        at_limits = limits_touched(model, point.x, model.layout.source_units)
+        return WholeSystem(self.parts, self.coupling, self.kept, point.x, point.rate, at_limits)
+
+
+def whole_system(parts: Partition, column_norm: float = COLUMN_NORM) -> WholeSystem:
+    """The version without partition, about the equilibrium."""
+    coupling, start = couple(parts), Equilibrium(parts.model.x0, 0.0)
+    kept = coupling.kept(column_norm)
+    return WholeSystem(parts, coupling, kept, start.x).moved(parts.model, start)

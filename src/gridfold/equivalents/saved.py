@@ -1,0 +1,227 @@
+"""Keep a reduced external area in a file, and take it up again for the same case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea, Outputs
+from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network import LoadModel
+from gridfold.dynamics.unit_limits import limits_touched
+from gridfold.equivalents.families import COLUMN_NORM, ReducedExternal
+from gridfold.errors import CaseFileError, OptionError
+from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
+from gridfold.partition import Partition, couple, partition
+from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer, Reduction
+from gridfold.runs.basis import basis_of
+from gridfold.systems.linear import LinearSystem
+from gridfold.systems.statemap import StateMap
+
+#: Reducers that can be written to a file and built again from it.
+_REDUCERS = {kind.__name__: kind for kind in (BalancedTruncation, ModalTruncation)}
+#: Largest difference of a state (p.u., rad) at which two operating points are the same.
+SAME_POINT = 1e-6
+
+
+class SavedReduction(NamedTuple):
+    """A reduced external area, and the column norm (p.u.) from which machines were kept."""
+
+    family: ReducedExternal
+    column_norm: float
+
+
+def reducer_record(reducer: Reducer) -> dict[str, Any]:
+    """Name and settings of a reducer, ready for JSON.
+
+    Raises
+    ------
+    OptionError
+        It is none of the package's own.
+    """
+    for name, kind in _REDUCERS.items():
+        if type(reducer) is kind:
+            return {"name": name, **asdict(reducer)}
+    known = " or ".join(_REDUCERS)
+    raise OptionError(f"a reducer that is written to a file must be {known}, not {reducer!r}")
+
+
+def save_reduced(
+    path: str | Path, family: ReducedExternal, column_norm: float = COLUMN_NORM
+) -> None:
+    """Write a reduced external area to a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, by custom ``NAME.npz``.
+    family : ReducedExternal
+        From :func:`gridfold.reduce`.
+    column_norm : float
+        The threshold in p.u. that was given there.
+
+    Raises
+    ------
+    OptionError
+        The threshold does not give the machines that were kept, or the reducer cannot be written.
+    OutputError
+        The file cannot be written.
+    """
+    if family.coupling.kept(column_norm) != family.kept:
+        raise OptionError(f"a column norm of {column_norm:g} p.u. keeps other machines")
+    case = family.parts.model.case
+    header = {
+        "case": case.name,
+        "fingerprint": case.fingerprint,
+        "study_buses": sorted(family.parts.study_buses),
+        "column_norm": column_norm,
+        "reducer": reducer_record(family.reducer),
+        "bound": family.reduction.bound,
+        "kept_exactly": family.reduction.kept_exactly,
+        "outputs": family.outputs.value,
+        "coupling": family.boundary.value,
+        **basis_of(family.parts.model).record(),
+    }
+    write_reduced(Path(path), ReducedFile(header, _arrays(family)))
+
+
+def load_reduced(path: str | Path, model: DetailedModel) -> SavedReduction:
+    """Read a reduced external area for `model`; runs with it equal those with the one saved.
+
+    Raises
+    ------
+    CaseFileError
+        The file cannot be read, or is not one of a reduced model.
+    OptionError
+        It belongs to another case or operating point, or has another version of the format.
+    """
+    content = read_reduced(Path(path))
+    _check_case(content, model, path)
+    try:
+        return _build(content, model)
+    except (OptionError, KeyError, TypeError, ValueError) as error:
+        raise CaseFileError(f"the content does not fit together: {error}", str(path)) from None
+
+
+def _check_case(content: ReducedFile, model: DetailedModel, path: str | Path) -> None:
+    header, case = content.header, model.case
+    if header["fingerprint"] != case.fingerprint:
+        raise OptionError(
+            f"{path}: the reduced model belongs to case {header['case']} with fingerprint "
+            f"{header['fingerprint'][:16]}, not to case {case.name} with {case.fingerprint[:16]}"
+        )
+    loads = header.get("load_model", LoadModel().text)
+    if loads != model.loads.text:
+        raise OptionError(
+            f"{path}: the reduced model has loads {loads}, the model of the case {model.loads.text}"
+        )
+    names = content.arrays.get("state_names", np.array([])).tolist()
+    x0 = content.arrays.get("x0", np.array([]))
+    if tuple(names) != model.state_names or x0.shape != model.x0.shape:
+        raise CaseFileError("the states are not those of the case", str(path))
+    apart = np.abs(x0 - model.x0)
+    worst = int(np.argmax(apart))
+    if not apart[worst] <= SAME_POINT:
+        raise OptionError(
+            f"{path}: the reduced model belongs to another operating point: {names[worst]} is "
+            f"{x0[worst]:.6g} there and {model.x0[worst]:.6g} here"
+        )
+
+
+def _arrays(family: ReducedExternal) -> dict[str, NDArray[Any]]:
+    area, reduction = family.area, family.reduction
+    arrays = {
+        "x0": family.origin,
+        "u0": area.input_reference,
+        "state_names": np.array(family.parts.model.state_names),
+        "drift": area.drift,
+        "area_a": area.a,
+        "area_b": area.b,
+    }
+    if reduction.hankel_values is not None:
+        arrays["hankel"] = reduction.hankel_values
+    if area.partners is not None:
+        arrays["area_partners"] = area.partners
+    for name, states in (("reduction", reduction.state_map), ("area", area.states)):
+        arrays[f"{name}_reference"] = states.reference
+        arrays[f"{name}_lift"] = states.lift_matrix
+        arrays[f"{name}_restrict"] = states.restrict_matrix
+    for name, system in (("full", area.full), ("reduced", reduction.system)):
+        arrays |= {f"{name}_{matrix}": getattr(system, matrix) for matrix in "abcd"}
+        for kind in ("state_names", "input_names", "output_names"):
+            arrays[f"{name}_{kind}"] = np.array(getattr(system, kind), dtype=np.str_)
+    return arrays
+
+
+def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
+    header, arrays = content.header, content.arrays
+    parts = partition(model, header["study_buses"])
+    coupling = couple(parts)
+    reduction = Reduction(
+        system=_system("reduced", arrays),
+        state_map=_states("reduction", arrays),
+        hankel_values=arrays.get("hankel"),
+        bound=header["bound"],
+        kept_exactly=header["kept_exactly"],
+    )
+    area = LinearArea(
+        index=_external_index(parts, arrays),
+        states=_states("area", arrays),
+        full=_system("full", arrays),
+        a=arrays["area_a"],
+        partners=arrays.get("area_partners"),
+        b=arrays["area_b"],
+        input_reference=arrays["u0"],
+        drift=arrays["drift"],
+    )
+    settings = dict(header["reducer"])
+    reducer = _REDUCERS[settings.pop("name")](**settings)
+    norm = header["column_norm"]
+    family = ReducedExternal(
+        parts=parts,
+        coupling=coupling,
+        kept=coupling.kept(norm),
+        reduction=reduction,
+        area=area,
+        origin=arrays["x0"],
+        reducer=reducer,
+        outputs=Outputs(header["outputs"]),
+        boundary=BoundaryCoupling(header.get("coupling", BoundaryCoupling.EXACT.value)),
+        at_limits=limits_touched(model, arrays["x0"], parts.external_units),
+    )
+    return SavedReduction(family, norm)
+
+
+def _external_index(parts: Partition, arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    """Positions of the external states, if the matrices have as many rows."""
+    index = np.array(parts.states_of(parts.external_units), dtype=np.int64)
+    boundary = 2 * len(parts.boundary_buses)
+    r = arrays["area_lift"].shape[1]
+    expected = {
+        "area_lift": (len(index), r),
+        "area_b": (r, boundary),
+        "full_b": (len(index), boundary),
+        "drift": (len(index),),
+        "u0": (boundary,),
+        "area_a": (2, r) if "area_partners" in arrays else (r, r),
+    }
+    for name, shape in expected.items():
+        if arrays[name].shape != shape:
+            raise ValueError(f"{name} has shape {arrays[name].shape}, expected {shape}")
+    return index
+
+
+def _states(name: str, arrays: Mapping[str, NDArray[Any]]) -> StateMap:
+    return StateMap(*(arrays[f"{name}_{part}"] for part in ("reference", "lift", "restrict")))
+
+
+def _system(name: str, arrays: Mapping[str, NDArray[Any]]) -> LinearSystem:
+    a, b, c, d = (arrays[f"{name}_{matrix}"] for matrix in "abcd")
+    kinds = ("state_names", "input_names", "output_names")
+    states, inputs, outputs = (tuple(arrays[f"{name}_{kind}"].tolist()) for kind in kinds)
+    return LinearSystem(a, b, c, d, states, inputs, outputs)

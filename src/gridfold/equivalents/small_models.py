@@ -1,0 +1,150 @@
+"""The small models of a family, each built once."""
+
+from __future__ import annotations
+
+import time as clock
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import Enum
+from threading import Lock, RLock, local
+
+from gridfold.dynamics.equilibrium import find_equilibrium
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.families import ModelFamily, SmallModel
+from gridfold.equivalents.limit_watches import LinearLimits, linear_limits
+from gridfold.errors import InitializationError
+from gridfold.grid.case import Case
+from gridfold.grid.network_state import NetworkState
+
+
+class Mode(Enum):
+    """Which model is in use."""
+
+    DETAILED = "detailed"
+    HYBRID = "hybrid"
+    LINEAR = "linear"
+
+
+Topology = tuple[object, ...]
+_INTACT: Topology = ()
+
+
+@dataclass
+class _Known:
+    """What is known about one topology: the family about its equilibrium, its models, limits.
+
+    `complete` once the equilibrium was looked for; where there is none there is no family.
+    """
+
+    complete: bool = False
+    family: ModelFamily | None = None
+    models: dict[tuple[NetworkState, Mode], SmallModel] = field(default_factory=dict)
+    limits: dict[tuple[NetworkState, Mode], LinearLimits | None] = field(default_factory=dict)
+    lock: RLock = field(default_factory=RLock)
+
+
+class SmallModels:
+    """Linear and hybrid models by network state, about the operating point that belongs to it.
+
+    Hand the same store to several runs to build each model once. Threads may share it: what two of them
+    need is built by one while the other waits.
+
+    Parameters
+    ----------
+    family : ModelFamily
+        The models of the intact network.
+    most : int, optional
+        Other topologies that are kept, the last used; all of them by default.
+    """
+
+    def __init__(self, family: ModelFamily, most: int | None = None):
+        self.family = family
+        self.most = most
+        self._intact = _Known(complete=True, family=family)
+        self._others: OrderedDict[Topology, _Known] = OrderedDict()
+        self._lock = Lock()
+        self._spent = local()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that this thread has spent on building."""
+        return float(getattr(self._spent, "seconds", 0.0))
+
+    def family_for(self, model: DetailedModel) -> ModelFamily | None:
+        """The family about the equilibrium of the network state; None if there is no equilibrium."""
+        return self._family(model, self._topology(model))
+
+    def get(self, model: DetailedModel, mode: Mode) -> SmallModel | None:
+        """The small model of `mode` in the network state of `model`."""
+        return self._small(model, mode, self._topology(model))
+
+    def limits(self, model: DetailedModel, mode: Mode) -> LinearLimits | None:
+        """Limits of the units that are linear in the small model of `mode`; None if there are none."""
+        known, key = self._topology(model), (model.state, mode)
+        if key not in known.limits:
+            family = self._family(model, known)
+            small = self._small(model, mode, known)
+            if family is None or small is None:
+                return None
+            with self._building(known):
+                if key not in known.limits:
+                    found = linear_limits(model, small, family.origin, family.at_limits)
+                    known.limits[key] = found
+        return known.limits[key]
+
+    def _family(self, model: DetailedModel, known: _Known) -> ModelFamily | None:
+        if not known.complete:
+            with self._building(known):
+                if not known.complete:
+                    try:
+                        point = find_equilibrium(model, self.family.origin)
+                        known.family = self.family.moved(model, point)
+                    except InitializationError:
+                        known.family = None
+                    known.complete = True
+        return known.family
+
+    def _small(self, model: DetailedModel, mode: Mode, known: _Known) -> SmallModel | None:
+        key = (model.state, mode)
+        if key not in known.models:
+            family = self._family(model, known)
+            if family is None:
+                return None
+            with self._building(known):
+                if key not in known.models:
+                    build = family.linear if mode is Mode.LINEAR else family.hybrid
+                    known.models[key] = build(model)
+        return known.models[key]
+
+    def _topology(self, model: DetailedModel) -> _Known:
+        """What is known about the topology of `model`; the longest unused gives way to a new one."""
+        key = topology(model.state, model.case)
+        if key == _INTACT:
+            return self._intact
+        with self._lock:
+            found = self._others.setdefault(key, _Known())
+            self._others.move_to_end(key)
+            while self.most is not None and len(self._others) > self.most:
+                self._others.popitem(last=False)
+            return found
+
+    @contextmanager
+    def _building(self, known: _Known) -> Iterator[None]:
+        """One thread at a time; what the others wait counts as spent on building too."""
+        began = clock.perf_counter()
+        with known.lock:
+            yield
+        self._spent.seconds = self.seconds + clock.perf_counter() - began
+
+
+def topology(state: NetworkState, case: Case) -> Topology:
+    """What moves the equilibrium: nothing, ``()``, for the intact network, faults aside."""
+    if (state.branches_out, state.units_out, state.load_steps) == (
+        case.branches_out,
+        frozenset(),
+        (),
+    ):
+        return _INTACT
+    return (state.branches_out, state.units_out, state.load_steps)

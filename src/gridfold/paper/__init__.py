@@ -1,0 +1,1 @@
+"""The case studies of Osipov & Sun: printed numbers, and ours beside them."""

@@ -1,0 +1,1 @@
+"""Single runs: where the mathematics and the power systems meet."""

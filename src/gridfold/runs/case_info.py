@@ -1,0 +1,152 @@
+"""Look at a case as far as it goes: neither missing models nor a failing power flow are errors here."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from gridfold.dynamics.initialize import OnLimit
+from gridfold.dynamics.model import DetailedModel, build_model
+from gridfold.dynamics.network import LoadModel
+from gridfold.dynamics.psse_models import kind_of, psse_devices
+from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.dynamics.registry import DEVICES
+from gridfold.errors import CaseError, InitializationError, PowerFlowError
+from gridfold.grid.case import Branch, Case
+from gridfold.grid.dynamic_records import DynamicData, SkippedRecord
+from gridfold.io.dyr import read_dyr
+from gridfold.io.powerio_cases import read_network
+from gridfold.powerflow import PowerFlowResult, solve_power_flow
+from gridfold.runs.basis import Basis, basis_of_case
+from gridfold.runs.loading import with_devices
+
+
+class ModelCount(NamedTuple):
+    """Records of one model in dynamic data: name, what it is, how many, whether gridfold has it."""
+
+    model: str
+    kind: str
+    records: int
+    implemented: bool
+
+
+class AreaTie(NamedTuple):
+    """A branch in service between two areas; the areas are those of its first and second bus."""
+
+    branch: Branch
+    areas: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class CaseInfo:
+    """A case and how far one gets with it.
+
+    Parameters
+    ----------
+    case : Case
+        The case, without devices if its dynamic data have faults.
+    basis : Basis
+        What was left out or replaced, and the faults of the dynamic data.
+    models : tuple of ModelCount
+        Models in the dynamic data.
+    skipped : tuple of SkippedRecord
+        Records of the dynamic data that were not read.
+    advice : tuple of str
+        Options that would make a model in spite of the faults.
+    power_flow : PowerFlowResult or None
+        None where it does not converge.
+    model : DetailedModel or None
+        None where there is none.
+    trouble : str
+        Why there is no power flow or no model; empty if there is nothing more to say.
+    """
+
+    case: Case
+    basis: Basis
+    models: tuple[ModelCount, ...] = ()
+    skipped: tuple[SkippedRecord, ...] = ()
+    advice: tuple[str, ...] = ()
+    power_flow: PowerFlowResult | None = None
+    model: DetailedModel | None = None
+    trouble: str = ""
+
+
+def examine_files(
+    network: str | Path,
+    dyr: str | Path | None,
+    loads: LoadModel,
+    on_limit: OnLimit = OnLimit.ERROR,
+    unsupported: Unsupported = Unsupported.ERROR,
+    without_data: WithoutData = WithoutData.ERROR,
+) -> CaseInfo:
+    """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
+
+    Raises
+    ------
+    CaseError
+        A file cannot be read, or the network is wrong.
+    """
+    case = read_network(network, allow_unsupported=True)
+    if dyr is None:
+        flow, trouble = _flow(case)
+        return CaseInfo(case, basis_of_case(case, loads), power_flow=flow, trouble=trouble)
+    data = read_dyr(dyr)
+    models = _counts(data)
+    try:
+        case = with_devices(case, data, unsupported, without_data)
+    except CaseError as error:
+        flow, trouble = _flow(case)
+        basis = basis_of_case(case, loads, missing=tuple(error.faults))
+        return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
+    flow, trouble = _flow(case)
+    model = None
+    if flow is not None:
+        try:
+            model = build_model(case, flow, loads=loads, on_limit=on_limit)
+        except (CaseError, InitializationError) as error:
+            trouble = str(error)
+    moved = () if model is None else model.limits_moved
+    basis = basis_of_case(case, loads, moved)
+    return CaseInfo(case, basis, models, data.skipped, (), flow, model, trouble)
+
+
+def examine_case(case: Case, loads: LoadModel, on_limit: OnLimit = OnLimit.ERROR) -> CaseInfo:
+    """The same of a case that is loaded; raises as :func:`gridfold.build_model`."""
+    model = build_model(case, loads=loads, on_limit=on_limit)
+    counts = Counter(record.model for record in case.devices)
+    models = tuple(ModelCount(name, _role(name), n, True) for name, n in counts.items())
+    basis = basis_of_case(case, loads, model.limits_moved)
+    return CaseInfo(case, basis, models, power_flow=model.power_flow, model=model)
+
+
+def area_ties(case: Case) -> tuple[AreaTie, ...]:
+    """Branches in service between areas, by the pair of areas."""
+    area = {bus.number: bus.area for bus in case.buses}
+    ties = (
+        AreaTie(branch, (area[branch.from_bus], area[branch.to_bus]))
+        for branch in case.branches
+        if branch.in_service and area[branch.from_bus] != area[branch.to_bus]
+    )
+    return tuple(sorted(ties, key=lambda tie: sorted(tie.areas)))
+
+
+def _role(name: str) -> str:
+    return DEVICES[name].role.name.lower() if name in DEVICES else "negative load"
+
+
+def _flow(case: Case) -> tuple[PowerFlowResult | None, str]:
+    try:
+        return solve_power_flow(case), ""
+    except PowerFlowError as error:
+        return None, str(error)
+
+
+def _counts(data: DynamicData) -> tuple[ModelCount, ...]:
+    known = psse_devices(DEVICES)
+    counts = Counter(record.model for record in data.records)
+    return tuple(
+        ModelCount(model, kind_of(model, known).value, count, model in known)
+        for model, count in counts.items()
+    )

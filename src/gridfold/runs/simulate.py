@@ -1,0 +1,116 @@
+"""Simulate a disturbance on the detailed model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import MutableMapping, Sequence
+from dataclasses import dataclass
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import OptionError
+from gridfold.grid.events import Event
+from gridfold.grid.network_state import NetworkState
+from gridfold.grid.timeline import Stage, build_timeline
+from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.runs.notices import stage_notices
+from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
+from gridfold.runs.trajectory import Trajectory
+from gridfold.simulation.run import run_segments
+from gridfold.simulation.segment import Segment
+
+ModelStore = MutableMapping[NetworkState, DetailedModel]
+
+
+@dataclass(frozen=True)
+class SimulationPlan:
+    """A checked disturbance: the stages, the model of each, and the end of the run in seconds."""
+
+    stages: tuple[Stage, ...]
+    models: tuple[DetailedModel, ...]
+    t_end: float
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """End of each stage in seconds."""
+        return (*(stage.start for stage in self.stages[1:]), self.t_end)
+
+
+def plan_simulation(
+    model: DetailedModel,
+    events: Sequence[Event],
+    t_end: float,
+    store: ModelStore | None = None,
+) -> SimulationPlan:
+    """Check all events and build the model of every network state that they lead through.
+
+    `store` keeps models by network state; hand in the same one to share them between runs.
+    """
+    if not (0 < t_end < float("inf")):
+        raise OptionError(f"the end time must be a positive number of seconds, not {t_end!r}")
+    store = {} if store is None else store
+    stages = build_timeline(model.case, events, t_end)
+    for stage in stages:
+        if stage.state not in store:
+            store[stage.state] = model.for_state(stage.state)
+    return SimulationPlan(tuple(stages), tuple(store[stage.state] for stage in stages), t_end)
+
+
+def simulate(
+    model: DetailedModel,
+    events: Sequence[Event] = (),
+    t_end: float = 16.0,
+    stepper: Stepper | None = None,
+    criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+    store: ModelStore | None = None,
+) -> Trajectory:
+    """Simulate from the equilibrium at t = 0.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        From :func:`gridfold.build_model`.
+    events : sequence of events
+        What happens; all of them are checked before anything runs.
+    t_end : float
+        End of the run in seconds.
+    stepper : Stepper
+        Integration rule and time step; Runge-Kutta of order 4 with 0.01 s by default.
+    criterion : SynchronismCriterion or None
+        Ends the run early once a machine has lost synchronism; None lets it go on.
+    store : mutable mapping, optional
+        Models by network state, shared between runs on the same model.
+
+    Returns
+    -------
+    Trajectory
+        Times, states and outputs, and the :class:`gridfold.Status` of the run.
+
+    Raises
+    ------
+    EventError
+        An event is malformed or names something that is not in the case.
+    NetworkError
+        The network of one stage has no solution.
+    """
+    stepper = RungeKutta4() if stepper is None else stepper
+    began = time.perf_counter()
+    plan = plan_simulation(model, events, t_end, store)
+    segments = [
+        Segment(system, end, stage.label, () if criterion is None else (criterion.watch(system),))
+        for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
+    ]
+    ready = time.perf_counter()
+    run = run_segments(segments, model.x0, stepper)
+    done = time.perf_counter()
+    return Trajectory(
+        model=model,
+        run=run,
+        models=plan.models,
+        events=tuple(events),
+        notices=stage_notices(plan.stages[: len(run.pieces)], plan.models),
+        stepper=stepper,
+        criterion=criterion,
+        t_end=t_end,
+        setup_seconds=ready - began,
+        simulation_seconds=done - ready,
+    )

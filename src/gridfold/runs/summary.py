@@ -1,0 +1,88 @@
+"""The figures an engineer asks for first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gridfold.grid.case import UnitKey
+from gridfold.runs.trajectory import AngleReference, Trajectory
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Largest excursion of one machine: angle against the centre of inertia (degrees), speed (p.u.)."""
+
+    unit: UnitKey
+    largest_angle_deg: float
+    at_seconds: float
+    lowest_speed: float
+    highest_speed: float
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """An extreme value, where (bus number) and when (s)."""
+
+    value: float
+    bus: int
+    at_seconds: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Swings of the machines, the largest first, and voltage extremes after the last event."""
+
+    swings: tuple[Swing, ...]
+    lowest_voltage: Extreme
+    highest_voltage: Extreme
+
+
+def summarize(run: Trajectory) -> Summary:
+    """Summarize a run."""
+    angles = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
+    deviation = np.nan_to_num(angles - angles[0])
+    speed = run.signal("speed")
+    peaks = np.argmax(np.abs(deviation), axis=0)
+    lowest, highest = np.fmin.reduce(speed, axis=0), np.fmax.reduce(speed, axis=0)
+    swings = [
+        Swing(
+            unit,
+            float(deviation[peaks[k], k]),
+            float(run.times[peaks[k]]),
+            float(lowest[k]),
+            float(highest[k]),
+        )
+        for k, unit in enumerate(run.model.machines)
+        if not np.isnan(lowest[k])
+    ]
+    swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
+    return Summary(tuple(swings), *_voltage_extremes(run))
+
+
+def last_event(run: Trajectory) -> float:
+    """Time in seconds from which the network stays as it is at the end; 0 if it never changes."""
+    used = list(zip(run.run.pieces, run.models, strict=False))
+    last = 0.0
+    for piece, model in reversed(used):
+        if model.state != used[-1][1].state:
+            break
+        last = float(piece.times[0])
+    return last
+
+
+def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
+    """Lowest and highest voltage of energized buses from the last event on."""
+    final = run.models[len(run.run.pieces) - 1]
+    first = int(np.searchsorted(run.times, last_event(run)))
+    on = np.flatnonzero(final.equations.islands.energized)
+    voltage = run.bus_voltage()[first:, on].T
+    squared = voltage.real**2 + voltage.imag**2
+    result = []
+    for pick in (np.argmin, np.argmax):
+        row, column = np.unravel_index(pick(squared), squared.shape)
+        bus = run.model.case.buses[on[row]].number
+        value = float(abs(voltage[row, column]))
+        result.append(Extreme(value, bus, float(run.times[first + column])))
+    return result[0], result[1]

@@ -1,0 +1,327 @@
+"""The result of a simulation."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
+from gridfold.grid.events import Event
+from gridfold.io.event_records import event_record
+from gridfold.io.results import write_csv, write_npz, write_parquet
+from gridfold.numerics.steppers import Stepper
+from gridfold.runs.basis import basis_of
+from gridfold.runs.notices import Notice
+from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
+from gridfold.simulation.run import Run
+from gridfold.simulation.segment import Piece
+from gridfold.systems.status import Status
+from gridfold.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class AngleReference(Enum):
+    """What rotor angles are measured against."""
+
+    SYNCHRONOUS = "synchronous"
+    CENTRE_OF_INERTIA = "coi"
+
+
+class UsedModel(NamedTuple):
+    """Which model was simulated: its name, and its settings, ready for JSON."""
+
+    name: str
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Times, states and outputs of a run.
+
+    There is one row a time step. At the instant of an event the row holds the values just after it
+    (states are continuous, voltages and powers jump). Outputs of a unit are NaN once it has been
+    disconnected.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The model of the intact network.
+    run : Run
+        The pieces that were integrated, and the status.
+    models : tuple of DetailedModel
+        The detailed model of each piece's network state.
+    events, notices, stepper, criterion, t_end
+        What was asked for and what it led to.
+    setup_seconds, simulation_seconds : float
+        Time spent on the networks of the stages, and on integration.
+    used_model : UsedModel, optional
+        Which model was simulated, for the metadata; by default told from the pieces alone.
+    method_reason : str, optional
+        Why this stepper, for the metadata.
+    """
+
+    model: DetailedModel = field(repr=False)
+    run: Run = field(repr=False)
+    models: tuple[DetailedModel, ...] = field(repr=False)
+    events: tuple[Event, ...]
+    notices: tuple[Notice, ...]
+    stepper: Stepper
+    criterion: SynchronismCriterion | None
+    t_end: float
+    setup_seconds: float
+    simulation_seconds: float
+    used_model: UsedModel | None = None
+    method_reason: str | None = None
+
+    @property
+    def simulated(self) -> UsedModel:
+        """Which model was simulated: ``"detailed"``, ``"reduced"``, or as `used_model` says."""
+        small = any(piece.segment.coordinates is not None for piece in self.run.pieces)
+        return self.used_model or UsedModel("reduced" if small else "detailed", {})
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.run.status
+
+    @property
+    def culprit(self) -> str | None:
+        """``state:BUS:ID`` of what ended the run early, None if it was completed."""
+        if self.run.culprit is None:
+            return None
+        if self.status is Status.LOST_SYNCHRONISM:
+            units = angle_frame(self.models[len(self.run.pieces) - 1]).units
+            return f"rotor_angle:{units[self.run.culprit]}"
+        return self.run.pieces[-1].segment.system.state_names[self.run.culprit]
+
+    @cached_property
+    def times(self) -> NDArray[np.float64]:
+        """Sampling times in seconds, shape (n_times,)."""
+        return np.concatenate([part.times for part in self._parts])
+
+    @cached_property
+    def states(self) -> NDArray[np.float64]:
+        """States, shape (n_times, n_states); names in ``model.state_names``."""
+        return np.concatenate([part.states for part in self._parts])
+
+    def signal(
+        self, name: str, units: Sequence[UnitKey | str] | None = None
+    ) -> NDArray[np.float64]:
+        """Any state or output by name along the run, in per unit (angles in rad).
+
+        Parameters
+        ----------
+        name : str
+            For example ``"rotor_angle"``, ``"speed"``, ``"field_voltage"``, ``"active_power"``.
+        units : sequence of UnitKey or "BUS:ID", optional
+            All machines by default.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n_units)
+        """
+        keys = self._units(units)
+        known = self.model.layout.signal_slots
+        for key in keys:
+            if (key, name) not in known:
+                names = ", ".join(sorted({signal for unit, signal in known if unit == key}))
+                raise OptionError(f"unit {key} has no signal {name!r}; it has: {names or 'none'}")
+        slots = self.model.slots(name, tuple(keys))
+        if np.all(slots < self.model.n_states):
+            result = np.concatenate([part.states_at(slots) for part in self._parts])
+        else:
+            result = np.concatenate(
+                [part.model.signals(part.states, slots) for part in self._parts]
+            )
+        for rows, unit in self._rows_out:
+            if unit in keys:
+                result[rows, keys.index(unit)] = np.nan
+        return result
+
+    def rotor_angle_deg(
+        self,
+        units: Sequence[UnitKey | str] | None = None,
+        reference: AngleReference | UnitKey | str = AngleReference.SYNCHRONOUS,
+    ) -> NDArray[np.float64]:
+        """Rotor angles in degrees, shape (n_times, n_units).
+
+        `reference` is the synchronous frame, the centre of inertia of each machine's island, or a
+        machine (``"78:1"``).
+        """
+        keys = self._units(units)
+        angles = self.signal("rotor_angle", keys)
+        if reference is AngleReference.CENTRE_OF_INERTIA:
+            angles = (
+                angles - self._centre_of_inertia[:, [self.model.machines.index(k) for k in keys]]
+            )
+        elif reference is not AngleReference.SYNCHRONOUS:
+            angles = angles - self.signal("rotor_angle", [reference])
+        return np.asarray(np.rad2deg(angles))
+
+    def bus_voltage(self, buses: Sequence[int] | None = None) -> NDArray[np.complex128]:
+        """Voltage phasors in per unit, shape (n_times, n_buses); all buses by default."""
+        index = self.model.case.bus_index
+        for bus in buses or ():
+            if bus not in index:
+                raise OptionError(f"there is no bus {bus} in case {self.model.case.name}")
+        voltages = self._bus_voltages
+        return voltages if buses is None else voltages[:, [index[bus] for bus in buses]]
+
+    def to_pandas(self, signals: Sequence[str] = ()) -> pd.DataFrame:
+        """A table with ``time``, ``angle_deg:BUS:ID``, ``speed_pu:BUS:ID`` and ``voltage_pu:BUS``.
+
+        Further `signals` by name become columns ``NAME:BUS:ID`` for every machine that has them. The
+        frame's ``attrs`` hold the metadata.
+        """
+        import pandas as pd
+
+        machines = self.model.machines
+        columns: dict[str, NDArray[np.float64]] = {"time": self.times}
+        if machines:
+            columns |= _columns("angle_deg", machines, self.rotor_angle_deg())
+            columns |= _columns("speed_pu", machines, self.signal("speed"))
+        buses = [bus.number for bus in self.model.case.buses]
+        columns |= _columns("voltage_pu", buses, np.abs(self.bus_voltage()))
+        known = self.model.layout.signal_slots
+        for name in signals:
+            units = [unit for unit in self.model.layout.source_units if (unit, name) in known]
+            if not units:
+                names = ", ".join(sorted({signal for _, signal in known}))
+                raise OptionError(f"no machine has a signal {name!r}; there are: {names}")
+            columns |= _columns(name, units, self.signal(name, units))
+        frame = pd.DataFrame(columns)
+        frame.attrs.update(self.metadata())
+        return frame
+
+    def to_csv(self, path: str | Path, signals: Sequence[str] = ()) -> None:
+        """Write :meth:`to_pandas` as CSV, and the metadata beside it as ``NAME.meta.json``."""
+        write_csv(Path(path), self.to_pandas(signals), self.metadata())
+
+    def to_parquet(self, path: str | Path, signals: Sequence[str] = ()) -> None:
+        """Write :meth:`to_pandas` as Parquet with the metadata in its schema."""
+        write_parquet(Path(path), self.to_pandas(signals), self.metadata())
+
+    def to_npz(self, path: str | Path) -> None:
+        """Write times, all states with their names, and the metadata as a NumPy archive."""
+        arrays = {
+            "times": self.times,
+            "states": self.states,
+            "state_names": np.array(self.model.state_names),
+        }
+        write_npz(Path(path), arrays, self.metadata())
+
+    def metadata(self) -> dict[str, Any]:
+        """Everything needed to repeat the run, and its outcome; ready for JSON."""
+        case = self.model.case
+        stepper: dict[str, Any] = {"name": self.stepper.name, "step": self.stepper.step}
+        tolerance = getattr(self.stepper, "tolerance", None)
+        if tolerance is not None:
+            stepper["tolerance"] = tolerance
+        return {
+            "gridfold": __version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "case": case.name,
+            "fingerprint": case.fingerprint,
+            "model": self.simulated.name,
+            "model_settings": dict(self.simulated.settings),
+            "network_backend": self.model.backend.value,
+            "events": [event_record(event) for event in self.events],
+            "t_end": self.t_end,
+            "stepper": stepper,
+            "method": self.stepper.name,
+            "method_reason": self.method_reason,
+            "criterion": None if self.criterion is None else str(self.criterion),
+            "angle_limit_deg": None if self.criterion is None else self.criterion.limit_deg,
+            "status": self.status.value,
+            "ended_at": float(self.times[-1]),
+            "culprit": self.culprit,
+            "steps": self.run.step_count,
+            "notices": [notice._asdict() for notice in self.notices],
+            "warnings": list(self.model.warnings),
+            **basis_of(self.model).record(),
+        }
+
+    # What the methods above share.
+
+    @cached_property
+    def _parts(self) -> list[_Part]:
+        """Pieces with their models, the row of each event only once (after it)."""
+        ends = [-1] * (len(self.run.pieces) - 1) + [None]
+        return [
+            _Part(piece, slice(None, end), model)
+            for piece, end, model in zip(self.run.pieces, ends, self.models, strict=False)
+        ]
+
+    @cached_property
+    def _bus_voltages(self) -> NDArray[np.complex128]:
+        return np.concatenate([part.model.bus_voltages(part.states) for part in self._parts])
+
+    @cached_property
+    def _centre_of_inertia(self) -> NDArray[np.float64]:
+        """Reference angle of each machine in rad, shape (n_times, n_machines)."""
+        result = []
+        for part in self._parts:
+            frame = angle_frame(part.model)
+            angles = np.full((len(part.times), len(self.model.machines)), np.nan)
+            columns = [self.model.machines.index(unit) for unit in frame.units]
+            among_angles = replace(frame, slots=np.arange(len(frame.slots)))
+            angles[:, columns] = among_angles.references(part.states_at(frame.slots))
+            result.append(angles)
+        return np.concatenate(result)
+
+    @property
+    def _rows_out(self) -> list[tuple[slice, UnitKey]]:
+        """Rows in which a unit is out of service."""
+        result, start = [], 0
+        for part in self._parts:
+            rows = slice(start, start + len(part.times))
+            result += [(rows, unit) for unit in part.model.state.units_out]
+            start = rows.stop
+        return result
+
+    def _units(self, units: Sequence[UnitKey | str] | None) -> list[UnitKey]:
+        if units is None:
+            return list(self.model.machines)
+        known = {str(unit): unit for unit in self.model.layout.source_units}
+        for unit in units:
+            if str(unit) not in known:
+                raise OptionError(f"there is no machine {unit} in case {self.model.case.name}")
+        return [known[str(unit)] for unit in units]
+
+
+class _Part(NamedTuple):
+    """The rows of a piece that belong to the trajectory, and the detailed model of its network."""
+
+    piece: Piece
+    rows: slice
+    model: DetailedModel
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        return self.piece.times[self.rows]
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        return self.piece.full_states[self.rows]
+
+    def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        return self.piece.states_at(index)[self.rows]
+
+
+def _columns(
+    name: str, items: Sequence[object], values: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
+    return {f"{name}:{item}": values[:, k] for k, item in enumerate(items)}

@@ -1,1 +1,0 @@
-"""Studies: where the mathematics and the power systems meet."""

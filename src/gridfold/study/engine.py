@@ -1,0 +1,181 @@
+"""Run a study, or the rest of one that was broken off."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from itertools import groupby
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from gridfold.equivalents.small_models import Topology, topology
+from gridfold.errors import OptionError
+from gridfold.grid.timeline import build_timeline
+from gridfold.io.study_store import StudyStore
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.study.executors import Team, Workers, team
+from gridfold.study.generate import contingency_from_record
+from gridfold.study.grid_map import grid_map
+from gridfold.study.identity import identity_of, refuse_changed, refuse_other
+from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
+from gridfold.study.solve import Batch, Task
+from gridfold.study.study_file import Study, load_study
+from gridfold.study.summary import column_types
+from gridfold.study.work import Progress, Stage, StudyRun, Work
+
+#: Most contingencies that are handed out together: a kill loses them all.
+_LARGEST_BATCH = 4
+
+
+@one_blas_thread
+def run_study(
+    study: Study | str | Path,
+    out: str | Path | None = None,
+    *,
+    resume: bool = False,
+    workers: Workers | str = Workers.THREADS,
+    count: int | None = None,
+    cluster: str | None = None,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    stop: Event | None = None,
+) -> StudyRun:
+    """Run a study, or the rest of one.
+
+    Parameters
+    ----------
+    study : Study or path
+        The study, or its file.
+    out : path, optional
+        Folder of the results; by default ``NAME.results`` beside the file ``NAME.toml``.
+    resume : bool
+        Go on with what is there; without it the folder must not hold a study.
+    workers : {"threads", "processes"}
+        What works on this machine.
+    count : int, optional
+        How many; as many as there are cores by default.
+    cluster : str, optional
+        ``local`` or ``tcp://HOST:PORT``: a Dask cluster, instead.
+    executor : Executor, optional
+        Any executor of the standard library's kind, instead.
+    folder : path, optional
+        Where relative file names in `study` start; by default at its file, else here.
+    on_progress : callable, optional
+        Called with a :class:`Progress` from the calling thread.
+    stop : threading.Event, optional
+        Ends it early once it is set, with what is in flight written. So does a KeyboardInterrupt.
+
+    Returns
+    -------
+    StudyRun
+        Counts.
+
+    Raises
+    ------
+    GridfoldError
+        The study does not fit, or the results cannot be written. What was written stays.
+    """
+    began = time.monotonic()
+    path = None if isinstance(study, Study) else Path(study)
+    wanted = study if isinstance(study, Study) else load_study(study)
+    start = Path(folder) if folder is not None else (path.parent if path else Path())
+    target = _target(out, path)
+    kind = _kind(workers)
+    tell = on_progress or (lambda progress: None)
+    tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
+    with ExitStack() as stack:
+        store, todo, offline, prepared = _open(wanted, start, target, resume, count, stack)
+        crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
+        work = Work(store, crew, todo, tell, began)
+        stage = work.run(stop or Event())
+        store.tell("last_run", _provenance(crew))
+        return work.outcome(target, stage)
+
+
+def _kind(workers: Workers | str) -> Workers:
+    try:
+        return Workers(workers)
+    except ValueError:
+        raise OptionError(f"workers must be threads or processes, not {workers!r}") from None
+
+
+def _target(out: str | Path | None, path: Path | None) -> Path:
+    if out is not None:
+        return Path(out)
+    return path.with_suffix(".results") if path else Path("study.results")
+
+
+def _open(
+    study: Study, start: Path, target: Path, resume: bool, count: int | None, stack: ExitStack
+) -> tuple[StudyStore, list[Batch], Offline, Prepared]:
+    """The store, what is to be done, and the study made ready."""
+    if resume:
+        # Locked before the work begins, so that two runs cannot both find it free.
+        store = stack.enter_context(StudyStore.resume(target))
+        refuse_other(store, study)
+    offline, contingencies = do_offline_work(study, start, count)
+    prepared = prepare(offline)
+    identity = identity_of(offline)
+    if resume:
+        refuse_changed(store, identity, contingencies)
+    else:
+        about = identity | {
+            "study": study.content(),
+            "settings": describe(offline, prepared),
+            "map": grid_map(offline.case, offline.study_buses),
+            "checked": sorted(_checked(study, len(contingencies))),
+        }
+        records = [item.record() for item in contingencies]
+        store = stack.enter_context(StudyStore.create(target, about, records, column_types()))
+    return store, _batches(_tasks(store), prepared), offline, prepared
+
+
+def _checked(study: Study, total: int) -> set[int]:
+    """Numbers of the contingencies that are checked: spread evenly over the list."""
+    sample = study.check.sample
+    size = total if sample == "all" else min(int(sample), total)
+    return {int(number) for number in np.linspace(1, total, size).round()} if size else set()
+
+
+def _tasks(store: StudyStore) -> list[Task]:
+    done, checked = store.done(), set(store.identity["checked"])
+    return [
+        Task(contingency_from_record(record), record["number"] in checked)
+        for record in store.contingencies()
+        if record["number"] not in done
+    ]
+
+
+def _batches(tasks: list[Task], prepared: Prepared) -> list[Batch]:
+    """Tasks that lead to one topology together: its small models are built by one worker, once."""
+    if prepared.small is None:
+        return [(task,) for task in tasks]
+    case, t_end = prepared.model.case, prepared.study.run.t_end
+
+    def last(task: Task) -> Topology:
+        return topology(build_timeline(case, task.contingency.events, t_end)[-1].state, case)
+
+    batches: list[Batch] = []
+    for key, together in groupby(tasks, key=last):
+        members = tuple(together)
+        size = _LARGEST_BATCH if key else 1
+        batches += [members[k : k + size] for k in range(0, len(members), size)]
+    return batches
+
+
+def _provenance(crew: Team) -> dict[str, Any]:
+    return {
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "workers": crew.description,
+        "machine": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }

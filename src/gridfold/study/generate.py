@@ -1,0 +1,210 @@
+"""The numbered list of contingencies that a study file asks for."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gridfold.errors import CaseFileError, EventError, OptionError
+from gridfold.grid.case import Branch, Case
+from gridfold.grid.events import BranchFault, BusFault, Event, MachineTrip
+from gridfold.grid.number_ranges import parse_numbers
+from gridfold.grid.timeline import build_timeline
+from gridfold.io.event_records import event_from_record, event_record
+from gridfold.io.tables import read_table
+from gridfold.study.study_file import ContingencySection, Study
+
+_PLACE = re.compile(r"\s*(area|zone)s?\s+(.+)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Contingency:
+    """A contingency: its number in the study, its name, what kind it is, and its events."""
+
+    number: int
+    name: str
+    kind: str
+    events: tuple[Event, ...]
+
+    def record(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        events = [event_record(event) for event in self.events]
+        return {"number": self.number, "name": self.name, "kind": self.kind, "events": events}
+
+
+def contingency_from_record(record: dict[str, Any]) -> Contingency:
+    """What :meth:`Contingency.record` has written."""
+    events = tuple(event_from_record(event) for event in record["events"])
+    return Contingency(record["number"], record["name"], record["kind"], events)
+
+
+def list_contingencies(
+    study: Study, case: Case, study_buses: frozenset[int], folder: Path
+) -> tuple[Contingency, ...]:
+    """All contingencies of a study, in the order of the file's keys.
+
+    Parameters
+    ----------
+    study : Study
+        What is asked for.
+    case : Case
+        The grid; every event is checked against it.
+    study_buses : frozenset of int
+        Bus numbers of the study area.
+    folder : Path
+        Where relative file names start.
+
+    Raises
+    ------
+    CaseFileError
+        A table cannot be read, or has faults: all of them.
+    EventError
+        An event does not fit the case.
+    OptionError
+        There are no contingencies, or two of one name.
+    """
+    wanted = study.contingencies
+    start, duration = wanted.start, wanted.clearing_time
+
+    def choose(key: str) -> frozenset[int]:
+        return select_buses(getattr(wanted, key), case, study_buses, f"contingencies.{key}")
+
+    found: list[tuple[str, str, tuple[Event, ...]]] = []
+    found += bus_faults(case, choose("bus_faults"), start, duration)
+    found += line_faults(case, choose("line_faults"), start, duration)
+    found += machine_trips(case, choose("machine_trips"), start)
+    if wanted.csv is not None:
+        found += from_table(folder / wanted.csv)
+    found += [_explicit(section) for section in study.contingency]
+    if not found:
+        raise OptionError(
+            "the study has no contingencies: see the keys of [contingencies] and [[contingency]]"
+        )
+    counts = Counter(name for name, _, _ in found)
+    if twice := [name for name, count in counts.items() if count > 1]:
+        raise OptionError(f"contingencies of one name: {', '.join(twice[:8])}")
+    result = []
+    for number, (name, kind, events) in enumerate(found, start=1):
+        try:
+            build_timeline(case, events, study.run.t_end)
+        except EventError as error:
+            raise EventError(f"contingency {name!r}: {error}") from None
+        result.append(Contingency(number, name, kind, events))
+    return tuple(result)
+
+
+def select_buses(
+    text: str, case: Case, study_buses: frozenset[int], what: str = "buses"
+) -> frozenset[int]:
+    """Bus numbers from ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3`` or ``1-36,78``."""
+    words = " ".join(text.lower().split())
+    everything = frozenset(case.bus_index)
+    named = {"none": frozenset[int](), "all": everything, "study area": study_buses}
+    if words in named:
+        return named[words]
+    if place := _PLACE.fullmatch(words):
+        kind = place[1]
+        numbers = set(parse_numbers(place[2], f"{what}: {kind}s"))
+        if unknown := sorted(numbers - {getattr(bus, kind) for bus in case.buses}):
+            raise OptionError(f"{what}: there is no {kind} {unknown[0]} in case {case.name}")
+        return frozenset(bus.number for bus in case.buses if getattr(bus, kind) in numbers)
+    if not re.match(r"\d", words):
+        raise OptionError(
+            f"{what}: {text!r} is none of 'study area', 'all', 'none', 'area 2', 'zone 1', '1-36,78'"
+        )
+    buses = frozenset(parse_numbers(words, what))
+    if unknown := sorted(buses - everything):
+        raise OptionError(f"{what}: there is no bus {unknown[0]} in case {case.name}")
+    return buses
+
+
+def bus_faults(
+    case: Case, buses: Iterable[int], start: float, duration: float
+) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+    """A fault at each of the buses, cleared by itself."""
+    inside = set(buses)
+    for bus in case.buses:
+        if bus.number in inside:
+            yield f"bus {bus.number}", "bus fault", (BusFault(bus.number, start, duration),)
+
+
+def line_faults(
+    case: Case, buses: Iterable[int], start: float, duration: float
+) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+    """A fault at both ends of each branch in service between the buses, cleared by tripping it."""
+    inside = set(buses)
+    parallel = Counter(frozenset((branch.from_bus, branch.to_bus)) for branch in case.branches)
+    for branch in case.branches:
+        ends = frozenset((branch.from_bus, branch.to_bus))
+        if branch.in_service and ends <= inside:
+            circuit = f":{branch.circuit}" if parallel[ends] > 1 else ""
+            name = f"{branch.from_bus}-{branch.to_bus}{circuit}"
+            for end, fraction in ((branch.from_bus, 0.0), (branch.to_bus, 1.0)):
+                fault = BranchFault(name, start, duration, fraction)
+                yield f"{_kind(branch)} {name} at {end}", "line fault", (fault,)
+
+
+def machine_trips(
+    case: Case, buses: Iterable[int], start: float
+) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+    """The trip of each machine in service at the buses."""
+    inside = set(buses)
+    with_machine = {record.key for record in case.devices}
+    for unit in case.generators:
+        if unit.in_service and unit.bus in inside and unit.key in with_machine:
+            trip = MachineTrip(unit.bus, unit.id, start)
+            yield f"machine {unit.key}", "machine trip", (trip,)
+
+
+def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+    """Contingencies from a CSV table: rows with the same name are the events of one contingency.
+
+    Columns ``name`` and ``kind``, and fields of the events; an empty cell stands for the default.
+    """
+    table = read_table(path)
+    for needed in ("name", "kind"):
+        if table.columns and needed not in table.columns:
+            table.fault(table.header_line, f"column {needed!r} is missing")
+    events: dict[str, list[Event]] = {}
+    for line, cells in table.rows if not table.faults else ():
+        record = {key: text for key, text in cells.items() if text and key != "name"}
+        name = cells["name"]
+        if not name:
+            table.fault(line, "name is empty")
+            continue
+        try:
+            events.setdefault(name, []).append(event_from_record(record, name))
+        except EventError as error:
+            table.fault(line, str(error))
+    if table.faults:
+        raise CaseFileError(table.faults, str(path))
+    for name, together in events.items():
+        yield name, _kind_of(together), tuple(together)
+
+
+def _explicit(section: ContingencySection) -> tuple[str, str, tuple[Event, ...]]:
+    where = f"contingency {section.name!r}"
+    events = [event_from_record(record, where) for record in section.events]
+    return section.name, _kind_of(events), tuple(events)
+
+
+_KINDS: dict[type, Callable[[Any], str]] = {
+    BusFault: lambda event: "bus fault with trip" if event.trip_bus else "bus fault",
+    BranchFault: lambda event: "line fault",
+    MachineTrip: lambda event: "machine trip",
+}
+
+
+def _kind_of(events: list[Event]) -> str:
+    if len(events) == 1 and type(events[0]) in _KINDS:
+        return _KINDS[type(events[0])](events[0])
+    return "events"
+
+
+def _kind(branch: Branch) -> str:
+    transformer = branch.ratio != 1.0 or branch.shift_deg != 0.0
+    return "transformer" if transformer else "line"

@@ -1,0 +1,68 @@
+"""What makes two studies the same, so that one may go on with the results of the other."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gridfold.errors import OptionError
+from gridfold.io.study_store import StudyStore
+from gridfold.study.generate import Contingency
+from gridfold.study.prepare import Offline
+from gridfold.study.study_file import Study
+from gridfold.version import __version__
+
+
+def identity_of(offline: Offline) -> dict[str, Any]:
+    """What must be the same for a study to be resumed."""
+    content = json.dumps(offline.study.content(), sort_keys=True)
+    return {
+        "gridfold": __version__,
+        "case": offline.case.name,
+        "fingerprint": offline.case.fingerprint,
+        "study_hash": hashlib.sha256(content.encode()).hexdigest(),
+    }
+
+
+def refuse_other(store: StudyStore, study: Study) -> None:
+    """Say which key differs before the work is done, where the study file is another one."""
+    before, now = store.identity["study"], study.content()
+    for key in sorted(_flat(before).keys() | _flat(now).keys()):
+        was, wants = _flat(before).get(key), _flat(now).get(key)
+        if was != wants:
+            raise OptionError(
+                f"{store.folder}: the results belong to another study: {key} was {was!r} and is "
+                f"{wants!r}; take another folder with --out"
+            )
+
+
+def refuse_changed(
+    store: StudyStore, identity: Mapping[str, Any], contingencies: Sequence[Contingency]
+) -> None:
+    """Raise an OptionError if the version, the case or the list is not that of the results."""
+    there = store.identity
+    words = {
+        "gridfold": "another version of gridfold",
+        "fingerprint": "other data of the case",
+        "case": "another case",
+    }
+    for key, what in words.items():
+        if there.get(key) != identity[key]:
+            raise OptionError(
+                f"{store.folder}: the results were made with {what} ({there.get(key)}, now "
+                f"{identity[key]}); take another folder with --out"
+            )
+    if store.contingencies() != [json.loads(json.dumps(c.record())) for c in contingencies]:
+        raise OptionError(f"{store.folder}: the list of contingencies is another one")
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in content.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat

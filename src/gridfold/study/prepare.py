@@ -1,0 +1,351 @@
+"""The work that is done once for a study, and what each worker makes of it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+from gridfold.dynamics.device import Device
+from gridfold.dynamics.model import DetailedModel, build_model
+from gridfold.dynamics.network import LoadModel
+from gridfold.equivalents.adaptive import SwitchingRule
+from gridfold.equivalents.calibrate import ThresholdKind, calibrate
+from gridfold.equivalents.families import (
+    COLUMN_NORM,
+    ReducedExternal,
+    WholeSystem,
+    reduce_external,
+    whole_system,
+)
+from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
+from gridfold.equivalents.saved import load_reduced, save_reduced
+from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.errors import OptionError
+from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.events import BusFault
+from gridfold.grid.number_ranges import as_ranges, parse_numbers
+from gridfold.grid.timeline import initial_state
+from gridfold.partition import Partition, couple, partition, study_buses
+from gridfold.powerflow import PowerFlowResult, solve_power_flow
+from gridfold.runs.basis import basis_of
+from gridfold.runs.loading import load_case
+from gridfold.runs.method import Choice, choose_stepper
+from gridfold.runs.simulate import ModelStore
+from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.study.generate import Contingency, list_contingencies
+from gridfold.study.own_devices import load_devices
+from gridfold.study.study_file import Study
+
+#: Topologies of which small models are kept: those that contingencies at hand may share.
+_TOPOLOGIES = 8
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Column norm in p.u. and angle deviation in degrees (infinite: linear, 0: hybrid always)."""
+
+    column_norm: float
+    angle_deg: float
+
+
+@dataclass(frozen=True)
+class Offline:
+    """All that a worker needs, as plain data that can be sent to other processes and machines.
+
+    Parameters
+    ----------
+    study : Study
+        The study file.
+    case : Case
+        The grid.
+    power_flow : PowerFlowResult
+        Its operating point.
+    study_buses : frozenset of int
+        The study area; empty where the detailed model needs none.
+    thresholds : Thresholds
+        Given, calibrated, or those of the paper.
+    reduced : bytes, optional
+        The reduced external area, as in a file of :func:`gridfold.save_reduced`.
+    device_files : tuple of Path
+        Python files with further device models.
+    """
+
+    study: Study
+    case: Case
+    power_flow: PowerFlowResult
+    study_buses: frozenset[int]
+    thresholds: Thresholds
+    reduced: bytes | None
+    device_files: tuple[Path, ...]
+
+    @cached_property
+    def token(self) -> str:
+        """What tells one study from another."""
+        digest = hashlib.sha256(self.case.fingerprint.encode())
+        digest.update(self.study.model_dump_json().encode())
+        digest.update(repr((self.thresholds, sorted(self.study_buses))).encode())
+        digest.update(self.reduced or b"")
+        return digest.hexdigest()
+
+    @property
+    def devices(self) -> Mapping[str, Device]:
+        """All device models of the study."""
+        return load_devices(self.device_files)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A study that is ready to simulate contingencies; shared by the threads of one process."""
+
+    study: Study
+    model: DetailedModel
+    method: Choice
+    criterion: SynchronismCriterion
+    parts: Partition | None
+    small: SmallModels | None
+    rule: SwitchingRule
+    intact: ModelStore
+
+    @property
+    def study_machines(self) -> tuple[UnitKey, ...]:
+        """Machines whose angles are looked at: those of the study area, else all."""
+        return self.model.machines if self.parts is None else self.parts.study_units
+
+
+def do_offline_work(
+    study: Study, folder: Path, workers: int | None = None
+) -> tuple[Offline, tuple[Contingency, ...]]:
+    """Case, power flow, thresholds and reduction of a study, and its contingencies.
+
+    Relative file names in the study start at `folder`; `workers` threads calibrate.
+
+    Raises
+    ------
+    GridfoldError
+        Something in the study does not fit.
+    """
+    case, device_files = load_grid(study, folder)
+    power_flow = solve_power_flow(case)
+    buses = _study_buses(study, case)
+    contingencies = list_contingencies(study, case, buses, folder)
+    model = _build(study, case, power_flow, load_devices(device_files))
+    thresholds, reduced = Thresholds(COLUMN_NORM, inf), None
+    kind = study.model.kind
+    if kind is not ModelKind.DETAILED:
+        parts = partition(model, buses)
+        thresholds = _thresholds(study, parts, contingencies, workers)
+        if kind is not ModelKind.WHOLE:
+            reduced = _reduce(study, parts, thresholds)
+    offline = Offline(study, case, power_flow, buses, thresholds, reduced, device_files)
+    return offline, contingencies
+
+
+def load_grid(study: Study, folder: Path) -> tuple[Case, tuple[Path, ...]]:
+    """The case of a study, and the files of its own device models."""
+    wanted = study.case
+    dyr = None if wanted.dyr is None else folder / wanted.dyr
+    case = load_case(
+        _source(wanted.source, folder),
+        dyr,
+        unsupported=wanted.unsupported,
+        without_data=wanted.without_data,
+        allow_unsupported_network=wanted.allow_unsupported_network,
+    )
+    return case, tuple((folder / name).resolve() for name in wanted.devices)
+
+
+def prepare(offline: Offline) -> Prepared:
+    """What simulates the contingencies of a study.
+
+    The same `offline` gives the same to the last digit, in every process.
+    """
+    study = offline.study
+    model = _build(study, offline.case, offline.power_flow, offline.devices)
+    method = choose_stepper(model, study.run.method, study.run.step)
+    criterion = SynchronismCriterion(study.run.angle_limit_deg)
+    intact = {initial_state(model.case): model}
+    parts, family = _family(offline, model)
+    small = None
+    if family is not None:
+        small = SmallModels(family, _TOPOLOGIES)
+        for mode in (Mode.LINEAR, Mode.HYBRID):
+            small.get(model, mode)
+            small.limits(model, mode)
+    rule = SwitchingRule(offline.thresholds.angle_deg, study.model.longest_above)
+    return Prepared(study, model, method, criterion, parts, small, rule, intact)
+
+
+def _source(source: str, folder: Path) -> str | Path:
+    """A built-in case by name, else a path that starts at the study's folder."""
+    beside = folder / source
+    return beside if beside.exists() or Path(source).suffix or "/" in source else source
+
+
+def _study_buses(study: Study, case: Case) -> frozenset[int]:
+    area = study.study_area
+    texts = {"buses": area.buses, "areas": area.areas, "zones": area.zones}
+    asked = {
+        kind: parse_numbers(text, f"study_area.{kind}")
+        for kind, text in texts.items()
+        if text is not None
+    }
+    if asked:
+        return study_buses(case, **asked)
+    if study.case.source in STUDY_AREAS:
+        return study_buses(case, areas=STUDY_AREAS[study.case.source])
+    lists = study.contingencies
+    places = (lists.bus_faults, lists.line_faults, lists.machine_trips)
+    if study.model.kind is ModelKind.DETAILED and "study area" not in places:
+        return frozenset()
+    raise OptionError(f"case {case.name} has no study area of its own; give it in [study_area]")
+
+
+def _build(
+    study: Study, case: Case, power_flow: PowerFlowResult, devices: Mapping[str, Device]
+) -> DetailedModel:
+    loads = LoadModel.parse(study.case.loads)
+    return build_model(case, power_flow, devices=devices, on_limit=study.case.on_limit, loads=loads)
+
+
+def _thresholds(
+    study: Study,
+    parts: Partition,
+    contingencies: tuple[Contingency, ...],
+    workers: int | None,
+) -> Thresholds:
+    """Those given; of the others the calibrated ones if that is asked for, else the paper's."""
+    wanted = study.model
+    norm, angle = wanted.column_norm, wanted.angle_deg
+    switches = wanted.kind in ANGLES_DEG
+    if wanted.calibrate and (norm is None or (angle is None and switches)):
+        norm, angle = _calibrated(study, parts, contingencies, workers)
+    norm = COLUMN_NORM if norm is None else norm
+    if not switches:
+        return Thresholds(norm, inf if wanted.kind is ModelKind.LINEAR else 0.0)
+    return Thresholds(norm, ANGLES_DEG[wanted.kind] if angle is None else angle)
+
+
+def _calibrated(
+    study: Study,
+    parts: Partition,
+    contingencies: tuple[Contingency, ...],
+    workers: int | None,
+) -> tuple[float, float | None]:
+    wanted = study.model
+    faults = [item.events for item in contingencies if all(_leaves_intact(e) for e in item.events)]
+    if not faults:
+        raise OptionError(
+            "model.calibrate needs faults that clear themselves among the contingencies"
+        )
+    angle_kind = {
+        ModelKind.ADAPTIVE: ThresholdKind.PARTITIONED,
+        ModelKind.WHOLE: ThresholdKind.WHOLE,
+    }.get(wanted.kind)
+    what = {ThresholdKind.COLUMN_NORM} if wanted.column_norm is None else set()
+    if angle_kind is not None and wanted.angle_deg is None:
+        what.add(angle_kind)
+    found = calibrate(
+        parts,
+        faults,
+        t_end=study.run.t_end,
+        stepper=choose_stepper(parts.model, study.run.method, study.run.step).stepper,
+        reducer=study.model.build_reducer(),
+        limit_deg=wanted.largest_error_deg,
+        what=what,
+        column_norm=wanted.column_norm,
+        criterion=SynchronismCriterion(study.run.angle_limit_deg),
+        workers=workers,
+        outputs=wanted.outputs,
+        coupling=wanted.coupling,
+    )
+    values = {kind: threshold.value for kind, threshold in found.thresholds.items()}
+    missing = [kind.value for kind in what if values.get(kind) is None]
+    if missing:
+        raise OptionError(
+            f"no {missing[0]} keeps all errors below {wanted.largest_error_deg:g} degrees; "
+            "give the thresholds in [model]"
+        )
+    norm = values.get(ThresholdKind.COLUMN_NORM, wanted.column_norm)
+    assert norm is not None
+    return norm, wanted.angle_deg if angle_kind is None else values.get(angle_kind)
+
+
+def _leaves_intact(event: object) -> bool:
+    return isinstance(event, BusFault) and not event.trip_bus
+
+
+def _reduce(study: Study, parts: Partition, thresholds: Thresholds) -> bytes:
+    family = reduce_external(
+        parts,
+        study.model.build_reducer(),
+        thresholds.column_norm,
+        study.model.outputs,
+        study.model.coupling,
+    )
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "reduced.npz"
+        save_reduced(path, family, thresholds.column_norm)
+        return path.read_bytes()
+
+
+def _family(
+    offline: Offline, model: DetailedModel
+) -> tuple[Partition | None, ReducedExternal | WholeSystem | None]:
+    kind = offline.study.model.kind
+    if kind is ModelKind.DETAILED:
+        inside = offline.study_buses
+        return (partition(model, inside) if inside else None), None
+    if kind is ModelKind.WHOLE:
+        parts = partition(model, offline.study_buses)
+        return parts, whole_system(parts, offline.thresholds.column_norm)
+    assert offline.reduced is not None
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "reduced.npz"
+        path.write_bytes(offline.reduced)
+        family = load_reduced(path, model).family
+    if kind is ModelKind.PROJECTED:
+        family = replace(family, kept=family.parts.external_units)
+    return family.parts, family
+
+
+def _further_warnings(model: DetailedModel) -> list[str]:
+    """Warnings of the model without those of the limits that were moved."""
+    moved = model.limits_moved
+    return [line for line in model.warnings if not line.endswith(moved)]
+
+
+def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
+    """The model and its settings for people and the report, ready for JSON."""
+    study, small = offline.study, prepared.small
+    record: dict[str, Any] = {
+        "model": study.model.kind.value,
+        "method": prepared.method.stepper.name,
+        "step": prepared.method.stepper.step,
+        "method_reason": prepared.method.reason,
+        "study_buses": as_ranges(offline.study_buses),
+        "machines": len(prepared.model.machines),
+        "states": prepared.model.n_states,
+        "warnings": _further_warnings(prepared.model),
+        **basis_of(prepared.model).record(),
+    }
+    if small is None or prepared.parts is None:
+        return record
+    angle = offline.thresholds.angle_deg
+    coupling = couple(prepared.parts)
+    record |= {
+        "column_norm": offline.thresholds.column_norm,
+        "angle_deg": angle if isfinite(angle) else None,
+        "kept": [str(unit) for unit in coupling.kept(offline.thresholds.column_norm)],
+        "tie_lines": len(prepared.parts.tie_lines),
+        "external_machines": len(prepared.parts.external_units),
+    }
+    if isinstance(small.family, ReducedExternal):
+        reduction = small.family.reduction
+        record |= {"order": reduction.order, "bound": reduction.bound}
+    return record

@@ -1,0 +1,245 @@
+"""One contingency, from its events to a row of figures and the curves of the report."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.adaptive import AdaptiveRun, Switch, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.compare import compare
+from gridfold.equivalents.small_models import SmallModels
+from gridfold.errors import GridfoldError
+from gridfold.grid.case import UnitKey
+from gridfold.grid.events import BranchFault, BusFault, Event
+from gridfold.io.study_store import Result
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.steppers import Stepper
+from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.study.generate import Contingency
+from gridfold.study.prepare import Prepared
+from gridfold.study.study_file import Kept
+from gridfold.study.summary import Figures, time_per_model, trajectory_figures
+
+#: Samples of a curve in the report.
+POINTS = 200
+
+
+@dataclass(frozen=True)
+class Task:
+    """A contingency to be solved, and whether a detailed run checks it."""
+
+    contingency: Contingency
+    check: bool
+
+
+#: Tasks that one worker takes together.
+Batch = tuple[Task, ...]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What came of a task: the result, and the trajectory as a Parquet file if it is kept."""
+
+    result: Result
+    parquet: bytes | None = None
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The row of figures."""
+        return dict(self.result.figures)
+
+
+def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
+    """Simulate some contingencies, one after the other."""
+    return tuple(solve(prepared, task) for task in batch)
+
+
+@one_blas_thread
+def solve(prepared: Prepared, task: Task) -> Solved:
+    """Simulate a contingency; whatever goes wrong becomes a row with its reason."""
+    began = time.perf_counter()
+    try:
+        return _Solver(prepared, task).solve(began)
+    except GridfoldError as error:
+        return failed(task, str(error), time.perf_counter() - began)
+    except Exception as error:  # one contingency is never the end of a study
+        reason = f"{type(error).__name__}: {error}"
+        return failed(task, reason, time.perf_counter() - began)
+
+
+def failed(task: Task, reason: str, seconds: float | None = None) -> Solved:
+    """The row of a contingency that could not be simulated."""
+    text = " ".join(reason.split())
+    figures = Figures(status="failed", reason=text, wall_s=seconds)
+    return Solved(Result(task.contingency.number, asdict(figures)))
+
+
+@dataclass
+class _Solver:
+    """The runs of one contingency, with the models of the networks that it leads through."""
+
+    prepared: Prepared
+    task: Task
+    store: ModelStore = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.store.update(self.prepared.intact)
+
+    @property
+    def small(self) -> SmallModels | None:
+        """Small models, shared by all contingencies."""
+        return self.prepared.small
+
+    def solve(self, began: float) -> Solved:
+        events = self.task.contingency.events
+        switches: tuple[Switch, ...] = ()
+        figures: dict[str, Any] = {}
+        if self.small is None:
+            run = self._detailed(events)
+            figures |= time_per_model(run)
+        else:
+            adaptive = self._adaptive(self.small, self.prepared.rule, events)
+            run, switches = adaptive.trajectory, adaptive.switches
+            figures |= time_per_model(run, adaptive.modes)
+            figures["wall_reduction_s"] = adaptive.reduction_seconds
+            figures["switches"] = max(0, len(switches) - 1)
+        figures |= trajectory_figures(run)
+        curves = self._curves(run, switches)
+        checking = time.perf_counter()
+        if self.task.check and self.small is not None:
+            checked, beside = self._check(run, self.small)
+            figures |= checked
+            curves |= beside
+            figures["wall_check_s"] = time.perf_counter() - checking
+        figures |= self._clearing_time()
+        figures["wall_s"] = time.perf_counter() - began
+        row = asdict(Figures(**figures))
+        wanted = self.prepared.study.outputs
+        number = self.task.contingency.number
+        result = Result(number, row, curves if wanted.curves else None)
+        return Solved(result, self._parquet(run, stable=bool(row["stable"])))
+
+    def _detailed(self, events: Sequence[Event]) -> Trajectory:
+        ready = self.prepared
+        rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
+        return simulate(ready.model, events, *rest)
+
+    def _adaptive(
+        self, small: SmallModels, rule: SwitchingRule, events: Sequence[Event]
+    ) -> AdaptiveRun:
+        ready = self.prepared
+        rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
+        return simulate_adaptive(ready.model, small, rule, events, *rest)
+
+    def _check(
+        self, run: Trajectory, small: SmallModels
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Errors against a detailed run, and the curves of that and of a linear run."""
+        events = self.task.contingency.events
+        detailed = self._detailed(events)
+        linear = self._adaptive(small, SwitchingRule(inf), events).trajectory
+        curves = self._angles(detailed, "detailed") | self._angles(linear, "linear")
+        figures: dict[str, Any] = {"checked": detailed.status.value}
+        out = detailed.models[-1].state.units_out
+        units = [unit for unit in self._units_of(detailed) if unit not in out]
+        if units and len(detailed.times) == len(run.times):
+            errors = compare(detailed, run, units)
+            figures |= {
+                "error_rms_deg": errors.worst.rms_deg,
+                "error_machine": str(errors.worst.unit),
+                "error_coi_deg": max(error.relative_rms_deg for error in errors.units),
+                "error_largest_deg": max(error.largest_deg for error in errors.units),
+            }
+            apart = run.rotor_angle_deg(units) - detailed.rotor_angle_deg(units)
+            curves["error"] = np.nanmax(np.abs(apart[_rows(run)]), axis=1).astype(np.float32)
+        return figures, curves
+
+    def _clearing_time(self) -> dict[str, Any]:
+        wanted = self.prepared.study.clearing_times
+        events = self.task.contingency.events
+        if not wanted.wanted or len(events) != 1:
+            return {}
+        fault = events[0]
+        if not isinstance(fault, BusFault | BranchFault):
+            return {}
+        found = critical_clearing_time(
+            self.prepared.model,
+            fault,
+            resolution=wanted.resolution,
+            longest=wanted.longest,
+            t_end=self.prepared.study.run.t_end - fault.start,
+            stepper=self.prepared.method.stepper,
+            criterion=self.prepared.criterion,
+            simulator=self._simulator,
+        )
+        return {
+            "critical_clearing_time": found.seconds,
+            "clearing_time_bounded": found.bounded,
+            "margin": round(found.seconds - fault.duration, 9),
+        }
+
+    def _simulator(
+        self,
+        model: DetailedModel,
+        events: Sequence[Event],
+        t_end: float,
+        stepper: Stepper | None,
+        criterion: SynchronismCriterion | None,
+        store: ModelStore | None,
+        /,
+    ) -> Trajectory:
+        """The study's model, with the models that this contingency has built."""
+        if self.small is None:
+            return simulate(model, events, t_end, stepper, criterion, self.store)
+        return simulate_adaptive(
+            model, self.small, self.prepared.rule, events, t_end, stepper, criterion, self.store
+        ).trajectory
+
+    def _curves(self, run: Trajectory, switches: tuple[Switch, ...]) -> dict[str, NDArray[Any]]:
+        curves = self._angles(run, "run")
+        curves["units"] = np.array([str(unit) for unit in self._units_of(run)])
+        curves["switch_times"] = np.array([switch.time for switch in switches])
+        curves["switch_models"] = np.array(
+            [switch.after.value for switch in switches], dtype=np.str_
+        )
+        curves["switch_reasons"] = np.array([switch.reason for switch in switches], dtype=np.str_)
+        return curves
+
+    def _angles(self, run: Trajectory, name: str) -> dict[str, NDArray[Any]]:
+        """Rotor angles in degrees against the centre of inertia, of the study area's machines."""
+        rows = _rows(run)
+        angles = run.rotor_angle_deg(self._units_of(run), AngleReference.CENTRE_OF_INERTIA)
+        return {
+            f"{name}_times": run.times[rows].astype(np.float32),
+            f"{name}_angles": angles[rows].astype(np.float32),
+        }
+
+    def _units_of(self, run: Trajectory) -> list[UnitKey]:
+        return [unit for unit in self.prepared.study_machines if unit in run.model.machines]
+
+    def _parquet(self, run: Trajectory, stable: bool) -> bytes | None:
+        wanted = self.prepared.study.outputs
+        if wanted.trajectories is Kept.NONE or (wanted.trajectories is Kept.UNSTABLE and stable):
+            return None
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "run.parquet"
+            run.to_parquet(path, wanted.signals)
+            return path.read_bytes()
+
+
+def _rows(run: Trajectory) -> NDArray[np.int64]:
+    """Rows of at most :data:`POINTS` samples, the first and the last among them."""
+    last = len(run.times) - 1
+    return np.unique(np.linspace(0, last, min(POINTS, last + 1)).round().astype(np.int64))

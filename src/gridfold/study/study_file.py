@@ -1,0 +1,355 @@
+"""The study file: what is simulated, about what, and what is wanted of it.
+
+A TOML file. Its JSON Schema is that of :class:`Study`, see :func:`json_schema`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from importlib import resources
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.initialize import OnLimit
+from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.equivalents.model_kind import ModelKind, ReducerKind
+from gridfold.errors import CaseFileError, OptionError, OutputError
+from gridfold.io.results import replacing
+from gridfold.io.tables import read_text, read_toml, suggest
+from gridfold.reduction import Reducer
+from gridfold.runs.method import Method
+
+Positive = Annotated[float, Field(gt=0, lt=inf)]
+NotNegative = Annotated[float, Field(ge=0, lt=inf)]
+Count = Annotated[int, Field(ge=0)]
+#: Which buses: ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3``, ``1-36,78``.
+Where = str
+
+
+class Kept(Enum):
+    """Which trajectories are kept as files."""
+
+    NONE = "none"
+    UNSTABLE = "unstable"
+    ALL = "all"
+
+
+class _Section(BaseModel):
+    """A table of the file: unknown keys are refused, values are not changed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class CaseSection(_Section):
+    """The grid."""
+
+    source: str = Field(
+        default="npcc", description="A built-in case, a case folder, or a .raw, .m or .mat file."
+    )
+    dyr: str | None = Field(default=None, description="Dynamic data of a .raw file.")
+    loads: str = Field(default="z", description="Load model: z, raw, or shares P,I,Z.")
+    on_limit: OnLimit = Field(
+        default=OnLimit.ERROR, description="What if the start lies beyond a limit."
+    )
+    unsupported: Unsupported = Field(
+        default=Unsupported.ERROR, description="What with dynamic models that are not implemented."
+    )
+    without_data: WithoutData = Field(
+        default=WithoutData.ERROR, description="What with machines that have no dynamic data."
+    )
+    allow_unsupported_network: bool = Field(
+        default=False, description="Leave out parts of the network that are not supported."
+    )
+    devices: tuple[str, ...] = Field(
+        default=(), description="Python files with device models of your own, used by name."
+    )
+
+
+class StudyArea(_Section):
+    """The study area. Where nothing is given a built-in case has one of its own."""
+
+    buses: str | None = Field(default=None, description="Buses such as 1-36,78.")
+    areas: str | None = Field(default=None, description="Areas such as 1,3.")
+    zones: str | None = Field(default=None, description="Zones such as 1,3.")
+
+
+class ContingencySection(_Section):
+    """A contingency with events of its own."""
+
+    name: str = Field(min_length=1, description="Its name; every contingency has another one.")
+    events: tuple[dict[str, Any], ...] = Field(
+        min_length=1, description="Events as in an events file."
+    )
+
+
+class Contingencies(_Section):
+    """What happens to the grid."""
+
+    bus_faults: Where = Field(
+        default="none", description="Faults at these buses, cleared by themselves."
+    )
+    line_faults: Where = Field(
+        default="none",
+        description="Faults at both ends of every branch inside, cleared by tripping it.",
+    )
+    machine_trips: Where = Field(
+        default="none", description="Trips of every machine at these buses."
+    )
+    clearing_time: Positive = Field(
+        default=0.1, description="Duration of the generated faults (s)."
+    )
+    start: NotNegative = Field(default=0.0, description="Time of what is generated (s).")
+    csv: str | None = Field(
+        default=None, description="A table with columns name, kind, and fields of the events."
+    )
+
+
+class Model(_Section):
+    """The model that is simulated; what is not given is as on the command line."""
+
+    kind: ModelKind = Field(
+        default=ModelKind.ADAPTIVE, description="What stands for the external area after a fault."
+    )
+    column_norm: Positive | None = Field(
+        default=None, description="Threshold of the column norm (p.u.)."
+    )
+    angle_deg: NotNegative | None = Field(
+        default=None, description="Threshold of the angle deviation."
+    )
+    calibrate: bool = Field(
+        default=False,
+        description="Find the thresholds that are not given from the faults of the study.",
+    )
+    largest_error_deg: Positive = Field(
+        default=6.0, description="Error for which they are calibrated."
+    )
+    longest_above: Positive = Field(default=5.0, description="Time (s) above it until a new start.")
+    reducer: ReducerKind = Field(
+        default=ReducerKind.BALANCED, description="How the external area is reduced."
+    )
+    tolerance: Positive | None = Field(default=None, description="Bound of the reduction's error.")
+    order: Annotated[int, Field(gt=0)] | None = Field(
+        default=None,
+        description="Order of the reduced area, instead of a tolerance; the modal reducer needs it.",
+    )
+    slow_modes: Positive | None = Field(
+        default=None,
+        description="Modes of the whole grid that decay more slowly (1/s) stay exact, besides.",
+    )
+    outputs: Outputs = Field(
+        default=Outputs.STATES,
+        description="What linear machines give to the network: their states, or voltages.",
+    )
+    coupling: BoundaryCoupling = Field(
+        default=BoundaryCoupling.EXACT,
+        description="Areas are solved together, or see each other a step late as in the paper.",
+    )
+
+    def build_reducer(self) -> Reducer:
+        """What reduces the external area."""
+        return self.reducer.build(self.tolerance, self.order, self.slow_modes)
+
+
+class Run(_Section):
+    """How each run is stepped, and when it ends."""
+
+    t_end: Positive = Field(default=16.0, description="End of each run (s).")
+    step: Positive | None = Field(default=None, description="Time step (s).")
+    method: Method = Field(default=Method.AUTO, description="Integration rule.")
+    angle_limit_deg: Positive = Field(
+        default=180.0, description="Angle from the centre of inertia at which synchronism is lost."
+    )
+
+
+class Check(_Section):
+    """Detailed runs beside those of a reduced model: the evidence of its accuracy."""
+
+    sample: Count | Literal["all"] = Field(
+        default=10, description="How many contingencies, spread evenly."
+    )
+
+
+class ClearingTimes(_Section):
+    """Critical clearing times of faults that are alone in their contingency."""
+
+    wanted: bool = Field(default=False, description="Find them, on the model of the study.")
+    resolution: Positive = Field(default=0.01, description="Grid of clearing times (s).")
+    longest: Positive = Field(default=2.0, description="Longest one tried (s).")
+
+
+class OutputsWanted(_Section):
+    """What is kept besides the summaries."""
+
+    curves: bool = Field(
+        default=True, description="Rotor angles of the study area for the report, 200 points each."
+    )
+    trajectories: Kept = Field(
+        default=Kept.NONE, description="Whole trajectories as Parquet files."
+    )
+    signals: tuple[str, ...] = Field(default=(), description="Further columns of these files.")
+
+
+class Study(_Section):
+    """A study: the whole file."""
+
+    model_config = ConfigDict(title="gridfold study", extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = Field(
+        default=1, alias="schema", description="Version of the format."
+    )
+    name: str = Field(default="study", min_length=1, description="Name of the study, for people.")
+    case: CaseSection = CaseSection()
+    study_area: StudyArea = StudyArea()
+    contingencies: Contingencies = Contingencies()
+    contingency: tuple[ContingencySection, ...] = ()
+    model: Model = Model()
+    run: Run = Run()
+    check: Check = Check()
+    clearing_times: ClearingTimes = ClearingTimes()
+    outputs: OutputsWanted = OutputsWanted()
+
+    @model_validator(mode="after")
+    def _fits(self) -> Study:
+        times = self.clearing_times
+        if times.wanted and not times.resolution <= times.longest < self.run.t_end:
+            raise ValueError(
+                "clearing_times.longest must lie between clearing_times.resolution and run.t_end"
+            )
+        if self.contingencies.start >= self.run.t_end:
+            raise ValueError("contingencies.start must lie before run.t_end")
+        if (self.model.coupling, self.model.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
+            raise ValueError("model.coupling 'lagged' needs model.outputs 'states'")
+        try:
+            self.model.build_reducer()
+        except OptionError as error:
+            raise ValueError(f"model: {error}") from None
+        return self
+
+    def content(self) -> dict[str, Any]:
+        """Everything with defaults filled in, ready for JSON."""
+        return self.model_dump(mode="json", by_alias=True)
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file.
+
+    Raises
+    ------
+    CaseFileError
+        The file cannot be read, or something in it is wrong: every fault with its line.
+    """
+    path = Path(path)
+    data = read_toml(path)
+    lines = _Lines(read_text(path))
+    try:
+        return Study.model_validate(data)
+    except ValidationError as error:
+        faults = [_fault(item, lines, path) for item in error.errors()]
+        raise CaseFileError(faults, str(path)) from None
+
+
+def parse_study(content: dict[str, Any]) -> Study:
+    """A study from a mapping with the keys of the file.
+
+    Raises
+    ------
+    CaseFileError
+        Something in it is wrong: every fault.
+    """
+    try:
+        return Study.model_validate(content)
+    except ValidationError as error:
+        raise CaseFileError([_fault(item) for item in error.errors()], "study") from None
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of the study file."""
+    return Study.model_json_schema(by_alias=True)
+
+
+def template() -> str:
+    """A study file with a comment on every key."""
+    return resources.files("gridfold.study").joinpath("study.toml").read_text("utf-8")
+
+
+def write_template(path: str | Path) -> None:
+    """Write :func:`template` to a new file.
+
+    Raises
+    ------
+    OutputError
+        The file exists, or cannot be written.
+    """
+    path = Path(path)
+    if path.exists():
+        raise OutputError(f"{path}: exists already; nothing was written")
+    with replacing(path) as temporary:
+        temporary.write_text(template(), encoding="utf-8")
+
+
+class _Lines:
+    """Finds the line of a key in a TOML text, for messages."""
+
+    _TABLE = re.compile(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?")
+    _KEY = re.compile(r"""\s*["']?([\w\-]+)["']?\s*=""")
+
+    def __init__(self, text: str):
+        self._where: dict[tuple[str, ...], int] = {}
+        table: tuple[str, ...] = ()
+        for number, line in enumerate(text.splitlines(), start=1):
+            if found := self._TABLE.match(line):
+                table = tuple(part.strip() for part in found[1].split("."))
+                self._where.setdefault(table, number)
+            elif found := self._KEY.match(line):
+                self._where.setdefault((*table, found[1]), number)
+
+    def find(self, location: Sequence[int | str]) -> int | None:
+        """Line of a key, or of the innermost table around it that the file has."""
+        names = tuple(part for part in location if isinstance(part, str))
+        for length in range(len(names), 0, -1):
+            if names[:length] in self._where:
+                return self._where[names[:length]]
+        return None
+
+
+def _fault(item: ErrorDetails, lines: _Lines | None = None, path: Path | None = None) -> str:
+    """One line about a fault: where, what, and the nearest known key if it is an unknown one."""
+    location = [part for part in item["loc"] if part not in ("int", "literal['all']")]
+    line = None if lines is None else lines.find(location)
+    where = f"{path}:{line}: " if line is not None else ""
+    key = ".".join(str(part) for part in location)
+    if item["type"] == "extra_forbidden":
+        known = list(_known_keys(location[:-1]))
+        return f"{where}unknown key {key!r}; {suggest(str(location[-1]), known)}"
+    if item["type"] == "missing":
+        return f"{where}{key} is missing"
+    message = item["msg"].removeprefix("Value error, ")
+    if not key:
+        return message
+    value = item["input"]
+    shown = "" if isinstance(value, dict) else f", not {value!r}"
+    return f"{where}{key}: {message[:1].lower()}{message[1:]}{shown}"
+
+
+def _known_keys(location: Sequence[int | str]) -> Iterator[str]:
+    """Keys of the table at `location`."""
+    section: Any = Study
+    for part in location:
+        if isinstance(part, int):
+            section = ContingencySection
+        else:
+            section = next(
+                item.annotation
+                for name, item in section.model_fields.items()
+                if part in (name, item.alias)
+            )
+    if isinstance(section, type) and issubclass(section, BaseModel):
+        for name, item in section.model_fields.items():
+            yield item.alias or name

@@ -1,0 +1,237 @@
+"""The figures of one contingency, a row of the study's table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import repeat
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.equivalents.small_models import Mode
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.ringdown import ringdown
+from gridfold.runs.summary import last_event, summarize
+from gridfold.runs.synchronism import angle_frame
+from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.systems.status import Status
+
+#: Columns that tell times of the machine; all others are the same whatever ran the study.
+WALL = "wall_"
+#: Swings smaller than this (degrees) have no damping to speak of.
+_SMALL_SWING_DEG = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What an engineer asks for first. What does not apply is missing.
+
+    Parameters
+    ----------
+    status : str
+        ``completed``, ``lost synchronism``, ``not finite`` or ``failed``.
+    stable : bool
+        Completed; missing if nothing can be said.
+    ended_at : float
+        End of the run in seconds; where it was lost, when.
+    reason : str
+        What ended it early.
+    critical_machine : str
+        ``BUS:ID`` of the machine that lost synchronism, else of the one that swung furthest.
+    largest_swing_deg : float
+        How far it swung, against the centre of inertia of its island.
+    largest_separation_deg, separation_at : float
+        Largest difference of two rotor angles in one island, in degrees, and when (s).
+    lowest_voltage, highest_voltage : float
+        In p.u., of energized buses after the last event; with bus and time (s).
+    nadir_hz, nadir_at : float
+        Lowest frequency of the centre of inertia of all machines in service, and when (s).
+    highest_hz : float
+        Highest frequency of the same.
+    swing_hz, damping_ratio : float
+        Of the dominant swing of the critical machine after the last event.
+    critical_clearing_time, margin : float
+        In seconds; the margin is what it exceeds the fault's duration by. A clearing time beyond the
+        longest tried is given as that, with `clearing_time_bounded` false.
+    checked : str
+        How the detailed run of the same contingency ended; missing if there was none.
+    error_rms_deg, error_coi_deg, error_largest_deg : float
+        Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
+        worst machine (`error_machine`), the same of angles against the centre of inertia, and the
+        largest at any time.
+    detailed_s, hybrid_s, linear_s : float
+        Simulated seconds for which each model was in use.
+    switches, steps : int
+        Changes of model, time steps.
+    wall_detailed_s, wall_hybrid_s, wall_linear_s : float
+        Seconds on the machine that integration took with each model.
+    wall_reduction_s, wall_check_s, wall_s : float
+        Seconds on the machine: of building reduced models, of the check, of all.
+    notices : str
+        What else the reader should know, a JSON list of times (s) and texts.
+    """
+
+    status: str
+    stable: bool | None = None
+    ended_at: float | None = None
+    reason: str | None = None
+    critical_machine: str | None = None
+    largest_swing_deg: float | None = None
+    largest_separation_deg: float | None = None
+    separation_at: float | None = None
+    lowest_voltage: float | None = None
+    lowest_voltage_bus: int | None = None
+    lowest_voltage_at: float | None = None
+    highest_voltage: float | None = None
+    highest_voltage_bus: int | None = None
+    highest_voltage_at: float | None = None
+    nadir_hz: float | None = None
+    nadir_at: float | None = None
+    highest_hz: float | None = None
+    swing_hz: float | None = None
+    damping_ratio: float | None = None
+    critical_clearing_time: float | None = None
+    clearing_time_bounded: bool | None = None
+    margin: float | None = None
+    checked: str | None = None
+    error_rms_deg: float | None = None
+    error_coi_deg: float | None = None
+    error_largest_deg: float | None = None
+    error_machine: str | None = None
+    detailed_s: float | None = None
+    hybrid_s: float | None = None
+    linear_s: float | None = None
+    switches: int | None = None
+    steps: int | None = None
+    wall_detailed_s: float | None = None
+    wall_hybrid_s: float | None = None
+    wall_linear_s: float | None = None
+    wall_reduction_s: float | None = None
+    wall_check_s: float | None = None
+    wall_s: float | None = None
+    notices: str | None = None
+
+
+def column_types() -> dict[str, type]:
+    """Type of each column: bool, int, float or str."""
+    hints = get_type_hints(Figures)
+    return {
+        item.name: next((k for k in get_args(hints[item.name]) if k is not type(None)), str)
+        for item in fields(Figures)
+    }
+
+
+def trajectory_figures(run: Trajectory) -> dict[str, Any]:
+    """The figures that follow from the trajectory of a run."""
+    summary = summarize(run)
+    critical, swing = _critical(run, summary.swings)
+    low, high = summary.lowest_voltage, summary.highest_voltage
+    result: dict[str, Any] = {
+        "status": _name(run.status),
+        "stable": run.status is Status.COMPLETED,
+        "ended_at": float(run.times[-1]),
+        "reason": _reason(run),
+        "critical_machine": None if critical is None else str(critical),
+        "largest_swing_deg": swing,
+        "lowest_voltage": low.value,
+        "lowest_voltage_bus": low.bus,
+        "lowest_voltage_at": low.at_seconds,
+        "highest_voltage": high.value,
+        "highest_voltage_bus": high.bus,
+        "highest_voltage_at": high.at_seconds,
+        "steps": run.run.step_count,
+        "notices": json.dumps([[round(n.time, 6), n.text] for n in run.notices]),
+    }
+    result |= _separation(run) | _frequency(run)
+    if critical is not None and run.status is Status.COMPLETED:
+        result |= _damping(run, critical)
+    return result
+
+
+def time_per_model(run: Trajectory, modes: Sequence[Mode] = ()) -> dict[str, float]:
+    """Simulated seconds with each model, and seconds that the machine took for them.
+
+    `modes` tells the model of each piece; all are detailed without it.
+    """
+    simulated, wall = dict.fromkeys(Mode, 0.0), dict.fromkeys(Mode, 0.0)
+    for piece, mode in zip(run.run.pieces, modes or repeat(Mode.DETAILED), strict=False):
+        simulated[mode] += float(piece.times[-1] - piece.times[0])
+        wall[mode] += piece.seconds
+    return {f"{mode.value}_s": seconds for mode, seconds in simulated.items()} | {
+        f"{WALL}{mode.value}_s": seconds for mode, seconds in wall.items()
+    }
+
+
+def _critical(run: Trajectory, swings: Any) -> tuple[UnitKey | None, float | None]:
+    if run.status is Status.LOST_SYNCHRONISM and run.culprit is not None:
+        name = run.culprit.partition(":")[2]
+        for swing in swings:
+            if str(swing.unit) == name:
+                return swing.unit, swing.largest_angle_deg
+    return (swings[0].unit, swings[0].largest_angle_deg) if swings else (None, None)
+
+
+def _reason(run: Trajectory) -> str | None:
+    if run.status is Status.COMPLETED:
+        return None
+    return f"{_name(run.status)}: {run.culprit} at {float(run.times[-1]):g} s"
+
+
+def _name(status: Status) -> str:
+    return status.value.replace("_", " ")
+
+
+def _separation(run: Trajectory) -> dict[str, float]:
+    """Largest difference of two rotor angles in one island."""
+    largest, at = 0.0, 0.0
+    angles = run.rotor_angle_deg()
+    column = {unit: k for k, unit in enumerate(run.model.machines)}
+    start = 0
+    for piece, model in zip(run.run.pieces, run.models, strict=False):
+        rows = slice(start, start + len(piece.times) - 1)
+        rows = slice(start, None) if piece is run.run.pieces[-1] else rows
+        start += len(piece.times) - 1
+        frame = angle_frame(model)
+        for island in range(len(frame.fixed)):
+            units = [u for u, k in zip(frame.units, frame.island, strict=True) if k == island]
+            here = angles[rows][:, [column[unit] for unit in units]]
+            if not here.size:
+                continue
+            spread = here.max(axis=1) - here.min(axis=1)
+            row = int(np.argmax(spread))
+            if spread[row] > largest:
+                largest, at = float(spread[row]), float(run.times[rows][row])
+    return {"largest_separation_deg": largest, "separation_at": at}
+
+
+def _frequency(run: Trajectory) -> dict[str, float]:
+    """Extremes of the frequency of the centre of inertia of the machines in service."""
+    machines = run.model.machines
+    if not machines:
+        return {}
+    speed = run.signal("speed")
+    weights = np.where(np.isnan(speed), 0.0, run.model.inertia(machines))
+    hertz = run.model.case.frequency_hz * (
+        np.sum(np.nan_to_num(speed) * weights, axis=1) / weights.sum(axis=1)
+    )
+    row = int(np.argmin(hertz))
+    return {
+        "nadir_hz": float(hertz[row]),
+        "nadir_at": float(run.times[row]),
+        "highest_hz": float(hertz.max()),
+    }
+
+
+def _damping(run: Trajectory, unit: UnitKey) -> dict[str, float | None]:
+    """Damping of the swing of `unit` after the last event."""
+    angle = run.rotor_angle_deg([unit], AngleReference.CENTRE_OF_INERTIA)[:, 0]
+    swing: NDArray[np.float64] = angle[run.times >= last_event(run)]
+    if len(swing) < 2 or np.isnan(swing).any() or np.ptp(swing) < _SMALL_SWING_DEG:
+        return {}
+    found = ringdown(swing, run.stepper.step)
+    if found is None:
+        return {}
+    return {"swing_hz": found.frequency_hz, "damping_ratio": found.damping_ratio}

@@ -1,0 +1,344 @@
+"""Studies from beginning to end: all ways to run one give the same rows."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gridfold as gf
+from gridfold.io.study_store import FILE, StudyStore
+from gridfold.study import Stage, run_study
+from gridfold.study.study_file import parse_study
+from gridfold.study.summary import WALL
+
+SHORT = {
+    "schema": 1,
+    "contingencies": {"bus_faults": "1-6", "machine_trips": "21,22", "clearing_time": 0.05},
+    "contingency": [
+        {"name": "far", "events": [{"kind": "bus-fault", "bus": 78, "duration": 0.1}]},
+        {"name": "all out", "events": [{"kind": "bus-fault", "bus": 26, "duration": 0.5}]},
+    ],
+    "model": {"kind": "detailed"},
+    "run": {"t_end": 1.0},
+}
+#: One whose networks are not those of the intact system, on a reduced model.
+REDUCED = SHORT | {
+    "contingencies": {
+        "bus_faults": "3",
+        "line_faults": "3,2",
+        "machine_trips": "21",
+        "clearing_time": 0.05,
+    },
+    "contingency": [],
+    "model": {"kind": "adaptive", "order": 40, "angle_deg": 20},
+    "check": {"sample": "all"},
+}
+
+
+def rows(folder):
+    """The results without times of the machine."""
+    with StudyStore.read(folder) as store:
+        frame = store.frame()
+    return frame[[name for name in frame if not name.startswith(WALL)]]
+
+
+def curves(folder, number):
+    with StudyStore.read(folder) as store:
+        return store.curves(number)
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "reference"
+    return folder, run_study(parse_study(SHORT), folder, count=1)
+
+
+@pytest.fixture(scope="module")
+def reduced(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "reduced"
+    run_study(parse_study(REDUCED), folder, count=1)
+    return folder
+
+
+def test_every_contingency_has_its_row(reference):
+    folder, run = reference
+    assert (run.stage, run.done, run.total, run.failed) == (Stage.DONE, 10, 10, 0)
+    assert run.complete
+    frame = rows(folder)
+    assert frame["number"].tolist() == list(range(1, 11))
+    assert frame["name"].tolist()[-2:] == ["far", "all out"]
+    assert frame["stable"].tolist() == [True] * 9 + [False]
+    assert run.unstable == 1
+    assert frame["critical_machine"].iloc[-1] == "26:1"
+    assert "rotor_angle:26:1" in frame["reason"].iloc[-1]
+
+
+def test_a_row_says_what_a_run_of_its_own_says(reference):
+    folder, _ = reference
+    model = gf.build_model(gf.load_case("npcc"))
+    run = gf.simulate(model, [gf.BusFault(3, duration=0.05)], t_end=1.0)
+    row = rows(folder).set_index("name").loc["bus 3"]
+    angles = run.rotor_angle_deg()
+    spread = np.ptp(angles, axis=1)
+    assert row["largest_separation_deg"] == spread.max()
+    assert row["separation_at"] == run.times[spread.argmax()]
+    speed = run.signal("speed") @ model.inertia(model.machines)
+    hertz = 60 * speed / model.inertia(model.machines).sum()
+    assert row["nadir_hz"] == pytest.approx(hertz.min(), abs=1e-9)
+    late = run.times >= 0.05
+    lowest = np.abs(run.bus_voltage()[late]).min()
+    assert row["lowest_voltage"] == pytest.approx(lowest, rel=1e-14)
+    found = curves(folder, 3)
+    np.testing.assert_allclose(found["run_times"][[0, -1]], [0.0, 1.0])
+    coi = run.rotor_angle_deg(["21:1"], gf.AngleReference.CENTRE_OF_INERTIA)[-1, 0]
+    machines = found["units"].tolist()
+    assert found["run_angles"][-1, machines.index("21:1")] == pytest.approx(coi, abs=1e-4)
+
+
+def test_threads_and_executors_give_the_same_rows(reference, tmp_path):
+    folder, _ = reference
+    run_study(parse_study(SHORT), tmp_path / "threads", count=3)
+    pd.testing.assert_frame_equal(rows(tmp_path / "threads"), rows(folder))
+    with ThreadPoolExecutor(2) as pool:
+        run_study(parse_study(SHORT), tmp_path / "own", executor=pool)
+    pd.testing.assert_frame_equal(rows(tmp_path / "own"), rows(folder))
+
+
+def test_processes_give_the_same_rows_on_reduced_models_too(reduced, tmp_path):
+    run = run_study(parse_study(REDUCED), tmp_path / "p", workers="processes", count=2)
+    assert run.workers == "2 processes"
+    pd.testing.assert_frame_equal(rows(tmp_path / "p"), rows(reduced))
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same_rows(reduced, tmp_path):
+    """One of two worker processes is killed once the first result is there."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    killed = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+
+        def kill(progress):
+            if progress.latest and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        run = run_study(parse_study(REDUCED), tmp_path / "d", cluster=address, on_progress=kill)
+    assert killed
+    assert run.complete
+    assert run.failed == 0
+    pd.testing.assert_frame_equal(rows(tmp_path / "d"), rows(reduced))
+
+
+def test_a_scheduler_that_is_not_there_is_named(tmp_path):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    with pytest.raises(gf.OptionError, match="no scheduler at nowhere://1"):
+        run_study(parse_study(SHORT), tmp_path / "d", cluster="nowhere://1")
+
+
+def test_checked_contingencies_carry_their_error(reduced):
+    frame = rows(reduced)
+    assert (frame["checked"] == "completed").all()
+    assert frame["error_rms_deg"].notna().all(), "of a tripped machine's contingency too"
+    assert (frame["error_rms_deg"] < frame["error_largest_deg"]).all()
+    assert (frame["error_largest_deg"] < 1.0).all()
+    assert (frame["detailed_s"] + frame["hybrid_s"] + frame["linear_s"]).tolist() == pytest.approx(
+        [1.0] * len(frame)
+    )
+    found = curves(reduced, 1)
+    assert {"run_angles", "detailed_angles", "linear_angles", "error"} <= set(found)
+    apart = np.abs(found["run_angles"] - found["detailed_angles"]).max()
+    assert 0 < apart < 1.0
+
+
+def test_an_interrupted_study_goes_on_where_it_was(reference, tmp_path):
+    folder = tmp_path / "study"
+
+    def interrupt(progress):
+        if progress.done == 4 and progress.latest:
+            raise KeyboardInterrupt
+
+    first = run_study(parse_study(SHORT), folder, count=1, on_progress=interrupt)
+    assert first.stage is Stage.INTERRUPTED
+    assert 4 <= first.done < 10
+    before = rows(folder)
+    second = run_study(parse_study(SHORT), folder, resume=True)
+    assert second.complete
+    pd.testing.assert_frame_equal(rows(folder), rows(reference[0]))
+    pd.testing.assert_frame_equal(rows(folder).loc[before.index], before)
+    third = run_study(parse_study(SHORT), folder, resume=True)
+    assert third.done == 10
+
+
+def test_a_killed_study_goes_on_and_does_nothing_twice(reference, tmp_path):
+    """SIGKILL at several moments; the row of each contingency is written once by construction."""
+    folder = tmp_path / "study"
+    (tmp_path / "study.json").write_text(json.dumps(SHORT))
+    code = (
+        "import json, sys; from pathlib import Path; from gridfold.study import run_study;"
+        "from gridfold.study.study_file import parse_study;"
+        "study = parse_study(json.loads(Path(sys.argv[1]).read_text()));"
+        "run_study(study, sys.argv[2], count=1, resume=Path(sys.argv[2], 'study.sqlite').exists())"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "study.json"), str(folder)]
+    for target in (1, 4, 7):
+        with subprocess.Popen(command) as process:
+            while process.poll() is None and _count(folder) < target:
+                time.sleep(0.002)
+            process.send_signal(signal.SIGKILL)
+    run = run_study(parse_study(SHORT), folder, resume=(folder / FILE).exists())
+    assert run.complete
+    pd.testing.assert_frame_equal(rows(folder), rows(reference[0]))
+
+
+def _count(folder):
+    try:
+        with sqlite3.connect(f"{(folder / FILE).as_uri()}?mode=ro", uri=True) as connection:
+            return connection.execute("SELECT count(*) FROM result").fetchone()[0]
+    except sqlite3.OperationalError:
+        return 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"run": {"t_end": 2.0}}, r"run\.t_end was 1\.0 and is 2\.0"),
+        ({"case": {"source": "npcc-pst"}}, r"case\.source was 'npcc'"),
+        ({"contingency": []}, "contingency was"),
+    ],
+)
+def test_another_study_is_not_mixed_in(reference, change, said):
+    with pytest.raises(gf.OptionError, match=said):
+        run_study(parse_study(SHORT | change), reference[0], resume=True)
+    assert len(rows(reference[0])) == 10
+
+
+def test_another_version_or_other_data_are_not_mixed_in(reference, monkeypatch):
+    monkeypatch.setattr("gridfold.study.identity.__version__", "0.0.0")
+    with pytest.raises(gf.OptionError, match="another version of gridfold"):
+        run_study(parse_study(SHORT), reference[0], resume=True)
+    monkeypatch.undo()
+    case = gf.load_case("npcc")
+    other = replace(case, buses=(replace(case.buses[0], base_kv=2.0), *case.buses[1:]))
+    monkeypatch.setattr("gridfold.study.prepare.load_case", lambda *_, **__: other)
+    with pytest.raises(gf.OptionError, match="other data of the case"):
+        run_study(parse_study(SHORT), reference[0], resume=True)
+
+
+def test_results_are_not_written_over(reference):
+    with pytest.raises(gf.OptionError, match="holds a study already"):
+        run_study(parse_study(SHORT), reference[0])
+    assert len(rows(reference[0])) == 10
+
+
+def test_a_contingency_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
+    original = gf.simulate
+
+    def simulate(model, events, *rest):
+        if events[0] == gf.BusFault(2, duration=0.05):
+            raise ArithmeticError("the sky has fallen")
+        return original(model, events, *rest)
+
+    monkeypatch.setattr("gridfold.study.solve.simulate", simulate)
+    run = run_study(parse_study(SHORT), tmp_path / "a", count=2)
+    assert (run.done, run.failed) == (10, 1)
+    row = rows(tmp_path / "a").set_index("name").loc["bus 2"]
+    assert row["status"] == "failed"
+    assert row["reason"] == "ArithmeticError: the sky has fallen"
+    assert pd.isna(row["stable"])
+
+
+class _Fragile(ThreadPoolExecutor):
+    """Loses the first results of every contingency, and all those of one."""
+
+    def __init__(self):
+        super().__init__(2)
+        self.seen = set()
+
+    def submit(self, function, offline, batch):
+        name = batch[0].contingency.name
+        if name in self.seen and name != "bus 5":
+            return super().submit(function, offline, batch)
+        self.seen.add(name)
+        lost = Future()
+        lost.set_exception(ConnectionError("the worker is gone"))
+        return lost
+
+
+def test_what_a_lost_worker_had_is_done_again(reference, tmp_path):
+    with _Fragile() as pool:
+        run = run_study(parse_study(SHORT), tmp_path / "a", executor=pool)
+    assert (run.done, run.failed) == (10, 1)
+    found, there = rows(tmp_path / "a"), rows(reference[0])
+    lost = found["name"] == "bus 5"
+    assert found[lost]["reason"].tolist() == ["ConnectionError: the worker is gone"]
+    pd.testing.assert_frame_equal(found[~lost], there[~lost])
+
+
+def test_the_clock_of_the_wall_may_jump(tmp_path, monkeypatch):
+    ticks = iter(range(10**9, 0, -(10**6)))
+    monkeypatch.setattr(time, "time", lambda: float(next(ticks)))
+    run = run_study(parse_study(SHORT), tmp_path / "a", count=1)
+    assert run.complete
+    assert 0 < run.seconds < 600
+
+
+def test_trajectories_are_kept_where_asked_for(tmp_path):
+    wanted = {"trajectories": "unstable", "signals": ["field_voltage"], "curves": False}
+    run_study(parse_study(SHORT | {"outputs": wanted}), tmp_path / "a")
+    files = sorted((tmp_path / "a" / "trajectories").iterdir())
+    assert [file.name for file in files] == ["000010.parquet"]
+    frame = pd.read_parquet(files[0])
+    assert frame["angle_deg:26:1"].abs().max() > 180
+    assert "field_voltage:21:1" in frame
+    assert curves(tmp_path / "a", 1) is None
+
+
+def test_clearing_times_are_those_of_the_detailed_search(tmp_path):
+    content = SHORT | {
+        "contingencies": {"bus_faults": "17,26", "clearing_time": 0.05},
+        "contingency": [],
+        "clearing_times": {"wanted": True, "longest": 0.5},
+        "run": {"t_end": 4.0},
+    }
+    run_study(parse_study(content), tmp_path / "a")
+    model = gf.build_model(gf.load_case("npcc"))
+    for _, row in rows(tmp_path / "a").iterrows():
+        fault = gf.BusFault(int(row["name"].split()[1]))
+        found = gf.critical_clearing_time(model, fault, longest=0.5, t_end=4.0)
+        assert row["critical_clearing_time"] == found.seconds
+        assert row["margin"] == pytest.approx(found.seconds - 0.05)
+        assert row["stable"] == (row["margin"] >= 0)
+
+
+def test_thresholds_are_calibrated_from_the_faults_of_the_study(tmp_path):
+    content = REDUCED | {
+        "contingencies": {"bus_faults": "3", "clearing_time": 0.2},
+        "model": {"kind": "adaptive", "order": 60, "calibrate": True, "largest_error_deg": 1.0},
+        "run": {"t_end": 3.0},
+    }
+    run_study(parse_study(content), tmp_path / "a")
+    assert (rows(tmp_path / "a")["error_rms_deg"] < 1.0).all()
+    with StudyStore.read(tmp_path / "a") as store:
+        assert store.identity["settings"]["column_norm"] > 0
+    content["contingencies"] = {"machine_trips": "21"}
+    with pytest.raises(gf.OptionError, match="calibrate needs faults"):
+        run_study(parse_study(content), tmp_path / "b")
+    assert not (tmp_path / "b" / FILE).exists()
+
+
+def test_a_study_area_that_is_not_there_is_named_before_anything_is_written(tmp_path):
+    content = SHORT | {"model": {"kind": "linear"}, "study_area": {"buses": "1-36,999"}}
+    with pytest.raises(gf.OptionError, match="999"):
+        run_study(parse_study(content), tmp_path / "a")
+    assert not (tmp_path / "a").exists()

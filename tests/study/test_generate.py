@@ -1,0 +1,136 @@
+"""The list of contingencies, against the tables of the case."""
+
+import pytest
+
+import gridfold as gf
+from gridfold.study.generate import (
+    contingency_from_record,
+    list_contingencies,
+    select_buses,
+)
+from gridfold.study.study_file import parse_study
+
+STUDY_AREA = frozenset(range(1, 37))
+
+
+@pytest.fixture(scope="module")
+def npcc():
+    return gf.load_case("npcc")
+
+
+def listed(case, folder=None, **keys):
+    further = {name: keys.pop(name) for name in ("contingency",) if name in keys}
+    study = parse_study({"schema": 1, "contingencies": keys, **further})
+    return list_contingencies(study, case, STUDY_AREA, folder)
+
+
+def test_a_fault_at_every_bus_of_the_study_area(npcc):
+    found = listed(npcc, bus_faults="study area", clearing_time=0.2, start=1.0)
+    assert [item.number for item in found] == list(range(1, 37))
+    assert [item.events for item in found] == [
+        (gf.BusFault(bus, 1.0, 0.2),) for bus in range(1, 37)
+    ]
+
+
+def test_both_ends_of_every_branch_inside_the_study_area(npcc):
+    found = listed(npcc, line_faults="study area")
+    inside = [b for b in npcc.branches if {b.from_bus, b.to_bus} <= STUDY_AREA]
+    assert len(found) == 2 * len(inside)
+    ends = [(item.events[0].branch, item.events[0].fraction) for item in found]
+    assert len(set(ends)) == len(ends)
+    assert all(item.events[0].trip for item in found)
+    for item in found:
+        bus = int(item.name.rsplit(" ", 1)[1])
+        first, last = item.events[0].branch.split(":")[0].split("-")
+        assert bus == int(first if item.events[0].fraction == 0 else last)
+
+
+def test_parallel_branches_are_told_apart_by_their_circuit(npcc):
+    found = listed(npcc, line_faults="all")
+    assert len({item.name for item in found}) == 2 * len(npcc.branches)
+
+
+def test_every_machine_of_an_area_is_tripped(npcc):
+    found = listed(npcc, machine_trips="area 1")
+    units = [item.events[0] for item in found]
+    assert [(unit.bus, unit.id) for unit in units] == [
+        (g.bus, g.id) for g in npcc.generators if g.bus in STUDY_AREA
+    ]
+
+
+def test_where_can_be_said_in_six_ways(npcc):
+    def where(text):
+        return select_buses(text, npcc, STUDY_AREA)
+
+    assert where("none") == frozenset()
+    assert where("All") == frozenset(range(1, 141))
+    assert where("study  area") == STUDY_AREA
+    assert where("area 1") == STUDY_AREA
+    assert where("areas 1, 2") == where("area 1") | where("area 2")
+    assert where("3,7-9") == {3, 7, 8, 9}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("area 99", "there is no area 99 in case npcc"),
+        ("3,999", "there is no bus 999 in case npcc"),
+        ("everywhere", "is none of 'study area'"),
+        ("9-3", "ends before it starts"),
+        ("", "is none of"),
+    ],
+)
+def test_a_wrong_place_is_refused(npcc, text, said):
+    with pytest.raises(gf.OptionError, match=said):
+        select_buses(text, npcc, STUDY_AREA)
+
+
+def test_a_table_gives_contingencies_of_one_or_more_events(npcc, tmp_path):
+    (tmp_path / "list.csv").write_text(
+        "name,kind,bus,duration,branch,time\n"
+        "# a comment\n"
+        "short,bus-fault,3,0.1,,\n"
+        "double,bus-fault,5,0.2,,\n"
+        "double,branch-trip,,,3-2,0.2\n"
+    )
+    found = listed(npcc, tmp_path, csv="list.csv")
+    assert [(item.name, item.kind) for item in found] == [
+        ("short", "bus fault"),
+        ("double", "events"),
+    ]
+    assert found[1].events == (gf.BusFault(5, duration=0.2), gf.BranchTrip("3-2", 0.2))
+
+
+def test_faults_of_a_table_are_named_with_their_lines(npcc, tmp_path):
+    (tmp_path / "list.csv").write_text(
+        "name,kind,bus,tme\nshort,bus-falt,3,\n,bus-fault,3,\nlong,bus-fault,x,\n"
+    )
+    with pytest.raises(gf.CaseFileError) as caught:
+        listed(npcc, tmp_path, csv="list.csv")
+    text = "\n".join(caught.value.faults)
+    assert "list.csv:2" in text
+    assert "did you mean 'bus-fault'?" in text
+    assert "list.csv:3: name is empty" in text
+    assert "list.csv:4" in text
+
+
+def test_an_event_that_does_not_fit_names_its_contingency(npcc):
+    section = {"name": "far away", "events": [{"kind": "bus-fault", "bus": 999}]}
+    with pytest.raises(gf.EventError, match=r"contingency 'far away'.*no bus 999"):
+        listed(npcc, contingency=[section])
+    late = {"name": "late", "events": [{"kind": "bus-fault", "bus": 3, "start": 99}]}
+    with pytest.raises(gf.EventError, match=r"'late'.*the run ends at 16 s"):
+        listed(npcc, contingency=[late])
+
+
+def test_nothing_to_do_and_two_of_one_name_are_refused(npcc):
+    with pytest.raises(gf.OptionError, match="no contingencies"):
+        listed(npcc)
+    section = {"name": "bus 3", "events": [{"kind": "bus-fault", "bus": 4}]}
+    with pytest.raises(gf.OptionError, match="one name: bus 3"):
+        listed(npcc, bus_faults="3", contingency=[section])
+
+
+def test_a_record_read_back_is_the_same_contingency(npcc):
+    for item in listed(npcc, bus_faults="1-3", line_faults="1-9", machine_trips="21-27"):
+        assert contingency_from_record(item.record()) == item

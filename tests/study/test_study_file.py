@@ -1,0 +1,125 @@
+"""The study file: every key is read, every fault is named with its line."""
+
+import json
+
+import jsonschema
+import pytest
+
+from gridfold import CaseFileError, OutputError
+from gridfold.equivalents.model_kind import ModelKind
+from gridfold.study.study_file import (
+    Study,
+    json_schema,
+    load_study,
+    parse_study,
+    template,
+    write_template,
+)
+
+LEAST = 'schema = 1\n[contingencies]\nbus_faults = "1-3"\n'
+
+
+def written(tmp_path, text):
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    return path
+
+
+def faults(tmp_path, text):
+    with pytest.raises(CaseFileError) as caught:
+        load_study(written(tmp_path, text))
+    return "\n".join(caught.value.faults)
+
+
+def test_the_template_is_a_study_with_the_documented_defaults(tmp_path):
+    path = tmp_path / "study.toml"
+    write_template(path)
+    study = load_study(path)
+    assert study.model.kind is ModelKind.ADAPTIVE
+    assert study.case.source == "npcc"
+    with pytest.raises(OutputError, match="exists already"):
+        write_template(path)
+    assert path.read_text() == template()
+
+
+def test_every_key_stands_in_the_template_with_its_default(tmp_path):
+    """Uncommenting each line gives a file whose values are the defaults, but for the examples."""
+    known = {
+        f"{name}.{key}"
+        for name, section in Study.model_fields.items()
+        if hasattr(section.annotation, "model_fields")
+        for key in section.annotation.model_fields
+    }
+    section, told = "", set()
+    for line in template().splitlines():
+        plain = line.removeprefix("# ")
+        if plain.startswith("[") and not plain.startswith("[["):
+            section = plain[1 : plain.index("]")]
+        elif "=" in plain and not plain.startswith((" ", "{", "]")):
+            told.add(f"{section}.{plain.split('=')[0].strip()}")
+    assert known <= told
+
+
+def test_the_defaults_are_those_of_the_template(tmp_path):
+    study = load_study(written(tmp_path, LEAST))
+    from_template = load_study(written(tmp_path, template()))
+    assert study.run == from_template.run
+    assert study.model == from_template.model
+    assert study.check == from_template.check
+    assert study.outputs == from_template.outputs
+
+
+def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
+    text = faults(tmp_path, LEAST + "clearing_tme = 0.1\n[modle]\nkind = 'linear'\n")
+    assert "study.toml:4: unknown key 'contingencies.clearing_tme'; did you mean 'clea" in text
+    assert "study.toml:5: unknown key 'modle'; did you mean 'model'?" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("schema = 2\n", "schema"),
+        (LEAST + "[run]\nt_end = -1\n", "study.toml:5: run.t_end: input should be greater than 0"),
+        (LEAST + "[run]\nt_end = nan\n", "run.t_end"),
+        (LEAST + "[model]\nkind = 'fast'\n", "study.toml:5: model.kind"),
+        (LEAST + "[model]\nreducer = 'modal'\n", "model: the modal reducer needs an order"),
+        (
+            LEAST + "[model]\nreducer = 'modal'\norder = 9\nslow_modes = 0.1\n",
+            "model: slow modes have no effect on the modal reducer",
+        ),
+        (
+            LEAST + "[model]\nreducer = 'modal'\norder = 9\ntolerance = 0.1\n",
+            "model: a tolerance has no effect on the modal reducer",
+        ),
+        (
+            LEAST + "[model]\norder = 9\ntolerance = 0.1\n",
+            "model: give either the tolerance or the order",
+        ),
+        (LEAST + "[check]\nsample = 'some'\n", "study.toml:5: check.sample"),
+        (LEAST + "[clearing_times]\nwanted = true\nlongest = 99\n", "clearing_times.longest"),
+        (LEAST + "[[contingency]]\nname = ''\nevents = []\n", "contingency"),
+        (LEAST + "[[contingency]]\nname = 'a'\nevnts = []\n", "did you mean 'events'?"),
+        ("contingencies = 3\n", "contingencies"),
+        ("= 1\n", "not TOML"),
+    ],
+)
+def test_a_fault_is_named(tmp_path, text, said):
+    assert said in faults(tmp_path, text).replace(str(tmp_path) + "/", "")
+
+
+def test_content_read_back_is_the_same_study(tmp_path):
+    study = load_study(written(tmp_path, template()))
+    assert parse_study(json.loads(json.dumps(study.content()))) == study
+
+
+def test_the_schema_accepts_what_is_accepted_and_refuses_unknown_keys(tmp_path):
+    validator = jsonschema.Draft202012Validator(json_schema())
+    content = load_study(written(tmp_path, template())).content()
+    validator.validate(content)
+    assert not validator.is_valid(content | {"modle": {}})
+    assert not validator.is_valid({"schema": 1, "run": {"t_end": 0}})
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(CaseFileError, match=r"nothing\.toml"):
+        load_study(tmp_path / "nothing.toml")
