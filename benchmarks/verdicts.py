@@ -31,7 +31,7 @@ from gridfold import (
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.families import ModelFamily, reduce_external
-from gridfold.equivalents.small_models import Mode
+from gridfold.equivalents.families import Mode
 from gridfold.runs.clearing_time import Simulator
 from gridfold.runs.simulate import ModelStore
 

@@ -10,7 +10,8 @@ import gridfold as gf
 from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import reduce_external, whole_system
-from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import InitializationError, OptionError
 from gridfold.partition import Partition, partition
 from gridfold.systems.status import Status

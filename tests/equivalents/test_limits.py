@@ -16,7 +16,8 @@ from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import reduce_external, whole_system
 from gridfold.equivalents.limit_watches import listed
 from gridfold.equivalents.saved import load_reduced, save_reduced
-from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.numerics.watch import BoxWatch
 from gridfold.partition import Partition, partition
 

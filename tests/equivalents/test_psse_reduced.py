@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 import gridfold as gf
 from gridfold.equivalents.families import ModelFamily
-from gridfold.equivalents.small_models import Mode
+from gridfold.equivalents.families import Mode
 from gridfold.partition import linearize_external
 from gridfold.runs.loading import load_psse
 from gridfold.simulation import Segment, run_segments

@@ -7,7 +7,7 @@ import pytest
 from cases import lossless_classical_system, one_machine_infinite_bus
 
 import gridfold as gf
-from gridfold.equivalents.small_models import Mode
+from gridfold.equivalents.families import Mode
 from gridfold.study.summary import (
     Figures,
     column_types,

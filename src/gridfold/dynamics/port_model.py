@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.layout import Group, Layout, build_layout
+from gridfold.dynamics.layout import Group, build_layout
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.network import build_equations, compile_with_loads
+from gridfold.dynamics.port_network import load_buses, port_network
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
-from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.statemap import StateMap
 
@@ -68,9 +67,11 @@ class PortModel:
 def build_port_model(
     model: DetailedModel,
     ports: Sequence[int],
+    study: Collection[int],
     area: LinearPorts,
     area_index: NDArray[np.int64],
     states: StateMap,
+    origin: NDArray[np.float64],
 ) -> PortModel:
     """Compile a model whose units are exact, but for those of the linear area.
 
@@ -78,30 +79,35 @@ def build_port_model(
     ----------
     model : DetailedModel
         The whole system in the network state wanted.
-    ports : sequence of int
-        Bus numbers of the ports.
+    ports, study : collections of int
+        Bus numbers of the ports and of the study area, where loads stay as they are.
     area : LinearPorts
         The linear area as its ports know it.
     area_index : ndarray of int, shape (n,)
         Positions of its states in the whole model's state vector.
     states : StateMap
         The way between these states and the area's coordinates.
+    origin : ndarray, shape (n_states,)
+        The operating point.
     """
     groups, index = _exact_groups(model, area_index)
-    layout = build_layout(groups, ports)
+    layout = build_layout(groups, [*ports, *load_buses(model, study)])
     values = dict(zip(model.layout.constant_names, model.constants, strict=True))
-    equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
-    network = compile_with_loads(
-        equations, model.backend, layout.terminals, model.injections, model.power_flow
-    )
-    at = np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64)
+    found = port_network(model, layout.terminals, study, origin)
+    out = model.state.units_out
+    angles = [
+        slot
+        for slot, name in enumerate(layout.state_names)
+        if name.startswith("rotor_angle:") and not any(name.endswith(f":{u}") for u in out)
+    ]
     compiled = pack_port_rhs(
         layout,
         np.array([values[name] for name in layout.constant_names]),
-        network,
-        at,
+        found.network,
+        np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64),
         area,
-        model.state.units_out,
+        (angles, origin[index[angles]]) if found.turns else ((), ()),
+        out,
     )
     names = (*layout.state_names, *(f"z:{k + 1}" for k in range(area.order)))
     return PortModel(index, area_index, states, compiled, names)

@@ -13,13 +13,13 @@ first coordinates of all pairs, then their second ones.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gridfold.dynamics.layout import Layout
 from gridfold.dynamics.network.backend import CompiledNetwork
@@ -44,8 +44,18 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 # The header goes on behind that of the detailed model. Where the linear area's numbers stand follows
 # from its sizes: see `LinearPorts.reals`.
-ORDER, N_PAIRS, N_PORTS, PORTS_AT, AREA_AT, PORT_WORK_AT = range(HEADER_SIZE, HEADER_SIZE + 6)
-_PORT_HEADER = HEADER_SIZE + 6
+(
+    ORDER,
+    N_PAIRS,
+    N_PORTS,
+    PORTS_AT,
+    AREA_AT,
+    PORT_WORK_AT,
+    N_ANGLES,
+    ANGLES_AT,
+    ANGLE_REFERENCE_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 9)
+_PORT_HEADER = HEADER_SIZE + 9
 
 
 @dataclass(frozen=True)
@@ -67,6 +77,9 @@ class LinearPorts:
         J0 in p.u.
     voltage : ndarray of complex, shape (p,)
         Port voltages at the operating point in p.u.
+    turned : ndarray, shape (2 p,)
+        By how much logarithm and angle of J are off after a common turn of all angles by 1 rad: 0 but
+        for loads that are linear in a turning frame.
     """
 
     diagonal: NDArray[np.float64]
@@ -76,6 +89,7 @@ class LinearPorts:
     c: NDArray[np.float64]
     current: NDArray[np.complex128]
     voltage: NDArray[np.complex128]
+    turned: NDArray[np.float64]
 
     @property
     def order(self) -> int:
@@ -88,7 +102,7 @@ class LinearPorts:
         inverse = 1 / self.voltage
         return np.concatenate(
             [
-                self.current.real, self.current.imag, inverse.real, inverse.imag,
+                self.current.real, self.current.imag, inverse.real, inverse.imag, self.turned,
                 self.diagonal, self.offset, self.coupling, self.c.ravel(), self.b.T.ravel(),
             ]
         )  # fmt: skip
@@ -100,14 +114,21 @@ def pack_port_rhs(
     network: CompiledNetwork,
     ports: NDArray[np.int64],
     area: LinearPorts,
+    angles: tuple[Sequence[int], ArrayLike] = ((), ()),
     units_out: Collection[UnitKey] = (),
 ) -> CompiledRhs:
-    """Right-hand side of the exact units in `layout` with a linear area at the terminals `ports`."""
+    """Right-hand side of the exact units in `layout` with a linear area at the terminals `ports`.
+
+    With `angles`, positions of rotor angles in the state and their values at the operating point, the
+    network is taken in a frame that turns with their mean.
+    """
     data = pack_model(layout, constants, network, layout.blocks, units_out, _PORT_HEADER)
     header = data.header
     header[[ORDER, N_PAIRS, N_PORTS]] = area.order, len(area.coupling), len(ports)
     header[[PORTS_AT, AREA_AT]] = data.integers.add(ports), data.reals.add(area.reals)
     header[PORT_WORK_AT] = data.work_size
+    header[[N_ANGLES, ANGLES_AT]] = len(angles[0]), data.integers.add(angles[0])
+    header[ANGLE_REFERENCE_AT] = data.reals.add(angles[1])
     return CompiledRhs(
         address=_compiled().address,
         integers=np.concatenate([header, data.integers.join()]),
@@ -118,15 +139,46 @@ def pack_port_rhs(
 
 
 @compiled_part
-def _add_port_currents(integers, reals, work, z):
+def _frame_angle(integers, reals, v):
+    """Mean deviation of the rotor angles with which the network's frame turns; 0 if it does not."""
+    total, count = 0.0, integers[N_ANGLES]
+    for k in range(count):
+        angle = v[integers[integers[ANGLES_AT] + k]]
+        total += (angle - reals[integers[ANGLE_REFERENCE_AT] + k]) / count
+    return total
+
+
+@compiled_part
+def _turn(pairs, n, angle):
+    """Turn n phasors, real parts before imaginary parts."""
+    c, s = np.cos(angle), np.sin(angle)
+    for t in range(n):
+        real, imag = pairs[t], pairs[n + t]
+        pairs[t] = c * real - s * imag
+        pairs[n + t] = c * imag + s * real
+
+
+@compiled_part
+def _solve_in_frame(integers, reals, work, angle):
+    """Solve the network in a frame that is turned by `angle`."""
+    n, at = integers[N_TERMINALS], integers[N_SIGNALS]
+    _turn(work[at : at + 2 * n], n, -angle)
+    _turn(work[at - 2 * n : at], n, -angle)
+    solve_network(integers, reals, work)
+    _turn(work[at - 2 * n : at], n, angle)
+
+
+@compiled_part
+def _add_port_currents(integers, reals, work, z, frame):
     """Add the currents of the linear area, and keep logarithm and phasor of their change."""
     order, n_ports, n_terminals = integers[ORDER], integers[N_PORTS], integers[N_TERMINALS]
     at = integers[AREA_AT]
-    slopes = at + 4 * n_ports + 2 * order + integers[N_PAIRS]
+    turned = at + 4 * n_ports
+    slopes = at + 6 * n_ports + 2 * order + integers[N_PAIRS]
     kept = work[integers[PORT_WORK_AT] :]
     currents = work[integers[N_SIGNALS] : integers[N_SIGNALS] + 2 * n_terminals]
     for row in range(2 * n_ports):
-        total = 0.0
+        total = -frame * reals[turned + row]
         for k in range(order):
             total += reals[slopes + row * order + k] * z[k]
         kept[row] = total
@@ -164,7 +216,7 @@ def _port_inputs(integers, reals, work):
 def _move_area(integers, reals, work, z, dz):
     """Set z' from the inputs."""
     order, n_pairs, n_ports = integers[ORDER], integers[N_PAIRS], integers[N_PORTS]
-    diagonal = integers[AREA_AT] + 4 * n_ports
+    diagonal = integers[AREA_AT] + 6 * n_ports
     offset, coupling = diagonal + order, diagonal + 2 * order
     columns = coupling + n_pairs + 2 * n_ports * order
     du = work[integers[PORT_WORK_AT] :]
@@ -189,8 +241,12 @@ def _port_rhs(integers, reals, work, v, dv):
     n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(0, n_source, integers, reals, work, v, dv)
     add_source_currents(integers, work)
-    _add_port_currents(integers, reals, work, v[n:])
-    solve_network(integers, reals, work)
+    frame = _frame_angle(integers, reals, v)
+    _add_port_currents(integers, reals, work, v[n:], frame)
+    if integers[N_ANGLES] > 0:
+        _solve_in_frame(integers, reals, work, frame)
+    else:
+        solve_network(integers, reals, work)
     run_calls(n_source, n_output, integers, reals, work, v, dv)
     run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, v, dv)
     freeze(integers, dv)

@@ -1,8 +1,9 @@
 """The adaptive switching algorithm: section II.C and Fig. 2 of Osipov & Sun.
 
-Detailed while a fault is on; after that hybrid as long as the angle deviation of any study-area
-machine exceeds the threshold, else linear. When the topology has changed, or the threshold has been
-exceeded for too long, the models move to the new operating point.
+Detailed while a fault is on; after that the most exact model of the family as long as the angle
+deviation of any study-area machine exceeds the threshold, and cheaper ones below it. When the topology
+has changed, or the threshold has been exceeded for too long, the models move to the new operating
+point.
 
 Linear units know no limits. Where one of theirs is reached the detailed model takes over.
 """
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.angle_watches import deviation_rows, watched_segment
-from gridfold.equivalents.families import ModelFamily, SmallModel
+from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import LinearLimits, listed, origin_notice, passed_notices
-from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.grid.timeline import Stage
@@ -58,25 +60,56 @@ class SwitchingRule:
     Parameters
     ----------
     angle_deg : float
-        Threshold of the angle deviation in degrees; 0 is hybrid all the time, infinity linear.
+        Threshold of the angle deviation in degrees; 0 is the most exact model all the time, infinity
+        the next one.
     longest_above : float
         Time in seconds above the threshold after which the operating point is looked for anew.
     limits : bool
         Whether the detailed model is used where a limit of a linear unit is reached; limits that are
         passed are told in any case.
+    whole_deg : float
+        Angle deviation in degrees up to which everything is linear, in families that have three models.
+    dwell : float
+        Time in seconds for which the deviation has to stay below a threshold before a cheaper model
+        takes over: a swinging angle passes through zero.
     """
 
     angle_deg: float
     longest_above: float = 5.0
     limits: bool = True
+    whole_deg: float = 0.0
+    dwell: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.angle_deg >= 0:
-            raise OptionError(
-                f"the angle threshold must be 0 degrees or more, not {self.angle_deg!r}"
-            )
+        for name, words in (("angle_deg", "the angle threshold"), ("whole_deg", "whole_deg")):
+            if not getattr(self, name) >= 0:
+                raise OptionError(f"{words} must be 0 degrees or more, not {getattr(self, name)!r}")
         if not self.longest_above > 0:
             raise OptionError(f"longest_above must be positive, not {self.longest_above!r}")
+        if not 0 <= self.dwell < np.inf:
+            raise OptionError(f"dwell must be 0 seconds or more, not {self.dwell!r}")
+
+    def bands(self, modes: Sequence[Mode]) -> tuple[Band, ...]:
+        """The models of a family with the deviations in degrees at which they are used.
+
+        From the highest band downwards; neighbours with the same model are one band.
+        """
+        ends = (self.angle_deg, min(self.whole_deg, self.angle_deg))[: len(modes) - 1]
+        bands = [Band(modes[0], np.inf, 0.0)]
+        for mode, end in zip(modes[1:], ends, strict=True):
+            if end > 0 and mode is not bands[-1].mode:
+                last = bands.pop()
+                bands += [] if end == np.inf else [Band(last.mode, last.highest, end)]
+                bands += [Band(mode, end, 0.0)]
+        return tuple(bands)
+
+
+class Band(NamedTuple):
+    """Range of angle deviations in degrees in which a model is used."""
+
+    mode: Mode
+    highest: float
+    lowest: float
 
 
 @dataclass(frozen=True)
@@ -101,6 +134,27 @@ class AdaptiveRun:
     modes: tuple[Mode, ...] = ()
 
 
+class Choice(NamedTuple):
+    """What comes next: the model, why, and what ends it.
+
+    A deviation above `outside`, or all of them below `inside` (degrees), or the time `until` (s).
+    """
+
+    mode: Mode
+    reason: str
+    outside: float = np.inf
+    inside: float = 0.0
+    until: float = np.inf
+
+
+def _in_band(band: Band, worst: float) -> Choice:
+    if band.lowest == 0:
+        reason = f"largest angle deviation {worst:.1f} degrees is within the threshold"
+    else:
+        reason = f"largest angle deviation {worst:.1f} degrees exceeds the threshold"
+    return Choice(band.mode, reason, band.highest, band.lowest)
+
+
 @dataclass
 class AdaptivePlan:
     """Says which model comes next, and keeps the log."""
@@ -113,6 +167,7 @@ class AdaptivePlan:
     models: list[DetailedModel] = field(default_factory=list)
     modes: list[Mode] = field(default_factory=list)
     above_since: float | None = None
+    below_since: float | None = None
     looked: bool = False
     at_limit: bool = False
     limits: list[LinearLimits | None] = field(default_factory=list)
@@ -123,25 +178,25 @@ class AdaptivePlan:
         if time >= self.plan.t_end - _INSTANT:
             return None
         stage, model, end = self._stage(time)
-        mode, reason = self._choose(time, model, x)
+        choice = self._choose(time, model, x)
+        mode, reason = choice.mode, choice.reason
         small = None if mode is Mode.DETAILED else self.small.get(model, mode)
-        if small is None and mode is not Mode.DETAILED:
-            mode, reason = Mode.DETAILED, "there is no equilibrium to linearize about"
         limits = None if small is None else self.small.limits(model, mode)
         reached = self._reached(limits, x)
         if reached:
             mode, reason, small, limits = Mode.DETAILED, f"{listed(reached)} reached", None, None
+            choice = Choice(mode, reason)
             end = min(end, round(time + LIMIT_DWELL, 9))
-        elif mode is Mode.HYBRID and self.above_since is not None and not self.looked:
-            end = min(end, max(self.above_since + self.rule.longest_above, time + _INSTANT))
+        end = min(end, max(choice.until, time + _INSTANT))
         self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
         self.models.append(model)
         self.modes.append(mode)
         self.limits.append(limits)
         label = f"{stage.label} ({mode.value})"
-        switch, further = self._watch(model, mode), self._limit_watch(limits)
-        return watched_segment(model, small, end, label, switch, self.criterion, further)
+        switches = self._deviation_watches(model, choice)
+        further = self._limit_watch(limits)
+        return watched_segment(model, small, end, label, switches, self.criterion, further)
 
     def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
         """Limits that act at operating points, and those that small models passed."""
@@ -170,44 +225,74 @@ class AdaptivePlan:
         now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
         return self.plan.stages[now], self.plan.models[now], self.plan.ends[now]
 
-    def _choose(
-        self, time: float, model: DetailedModel, x: NDArray[np.float64]
-    ) -> tuple[Mode, str]:
+    def _choose(self, time: float, model: DetailedModel, x: NDArray[np.float64]) -> Choice:
         if model.state.faulted:
-            self.above_since = None
-            return Mode.DETAILED, "fault on"
+            self.above_since = self.below_since = None
+            return Choice(Mode.DETAILED, "fault on")
         family = self.small.family_for(model)
         if family is None:
-            return Mode.DETAILED, "there is no equilibrium to linearize about"
-        self.told.setdefault(family.at_limits, time)
+            return Choice(Mode.DETAILED, "there is no equilibrium to linearize about")
         deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
         worst = float(deviation.max(initial=0.0))
-        if worst <= self.rule.angle_deg and self.rule.angle_deg > 0:
+        bands = self.rule.bands(family.modes)
+        level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
+        choice = self._waiting(time, bands, level) or _in_band(bands[level], worst)
+        choice = self._looking(time, choice, level == 0 and len(bands) > 1 or self._first_only(bands))
+        if choice.mode is not Mode.DETAILED:
+            self.told.setdefault(family.held_at_limits(choice.mode), time)
+        return choice
+
+    def _first_only(self, bands: Sequence[Band]) -> bool:
+        """Whether the most exact model is in use all the time because the threshold is zero."""
+        return len(bands) == 1 and self.rule.angle_deg == 0
+
+    def _waiting(self, time: float, bands: Sequence[Band], level: int) -> Choice | None:
+        """Stay in a more exact model until the deviation has been below its band for long enough."""
+        before = self.switches[-1].after if self.switches else None
+        current = next((k for k, band in enumerate(bands) if band.mode is before), level)
+        if level <= current or self.rule.dwell == 0:
+            self.below_since = None
+            return None
+        if self.below_since is None:
+            self.below_since = time
+        ready = self.below_since + self.rule.dwell
+        if time >= ready - _INSTANT:
+            self.below_since = None
+            return None
+        band = bands[current]
+        reason = f"the deviation has not been below the threshold for {self.rule.dwell:g} s"
+        return Choice(band.mode, reason, outside=band.lowest, until=ready)
+
+    def _looking(self, time: float, choice: Choice, above: bool) -> Choice:
+        """Look for the operating point once the threshold has been exceeded for too long."""
+        if not above:
             self.above_since, self.looked = None, False
-            return (
-                Mode.LINEAR,
-                f"largest angle deviation {worst:.1f} degrees is within the threshold",
-            )
+            return choice
         if self.above_since is None:
             self.above_since = time
-        elif time >= self.above_since + self.rule.longest_above - _INSTANT and not self.looked:
-            self.looked = True
-            return Mode.HYBRID, (
-                f"above the threshold for {self.rule.longest_above:g} s; the topology is that of the "
-                "operating point, nothing is rebuilt"
-            )
-        return Mode.HYBRID, f"largest angle deviation {worst:.1f} degrees exceeds the threshold"
+        look_at = self.above_since + self.rule.longest_above
+        if self.looked:
+            return choice
+        if time < look_at - _INSTANT:
+            return choice._replace(until=min(choice.until, look_at))
+        self.looked = True
+        return choice._replace(
+            reason=f"above the threshold for {self.rule.longest_above:g} s; the topology is that of "
+            "the operating point, nothing is rebuilt"
+        )
 
-    def _watch(
-        self, model: DetailedModel, mode: Mode
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None:
-        """Condition that ends the segment: rows, origin, limit in rad, and whether inside."""
+    def _deviation_watches(self, model: DetailedModel, choice: Choice) -> list[Deviation]:
+        """Conditions that end the segment: a deviation above the band, or all of them below it."""
         family = self.small.family_for(model)
-        if mode is Mode.DETAILED or family is None or self.rule.angle_deg == 0:
-            return None
+        if family is None:
+            return []
         rows = deviation_rows(model, family)
-        limit = float(np.deg2rad(self.rule.angle_deg))
-        return rows, -rows @ family.origin, limit, mode is Mode.HYBRID
+        offset = -rows @ family.origin
+        return [
+            Deviation(rows, offset, float(np.deg2rad(limit)), inside)
+            for limit, inside in ((choice.outside, False), (choice.inside, True))
+            if 0 < limit < np.inf
+        ]
 
     def _log(
         self,

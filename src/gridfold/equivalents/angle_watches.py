@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,28 +25,34 @@ def deviation_rows(model: DetailedModel, family: ModelFamily) -> NDArray[np.floa
     return rows
 
 
+class Deviation(NamedTuple):
+    """A condition on the deviations rows @ x + offset (rad): one beyond the limit, or all inside."""
+
+    rows: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    limit: float
+    inside: bool
+
+
 def watched_segment(
     model: DetailedModel,
     small: SmallModel | None,
     end: float,
     label: str,
-    switch: tuple[NDArray[np.float64], NDArray[np.float64], float, bool] | None,
+    deviations: Sequence[Deviation],
     criterion: SynchronismCriterion | None,
     further: Sequence[Watch] = (),
 ) -> Segment:
     """A segment with its watches, in the coordinates of its system; `further` ones switch, too."""
     if small is None:
         stops = () if criterion is None else (criterion.watch(model),)
-        return Segment(model, end, label, stops)
+        return Segment(model, end, label, stops, tuple(BandWatch(*each) for each in deviations))
     stop_watches: tuple[BandWatch, ...] = ()
     if criterion is not None:
         rows, offset = _spread_rows(model)
         limit = float(np.deg2rad(criterion.limit_deg))
         stop_watches = (_band(small, rows, offset, limit, inside=False),)
-    switches: tuple[BandWatch, ...] = ()
-    if switch is not None and np.isfinite(switch[2]):  # nothing is beyond an infinite threshold
-        rows, offset, limit, inside = switch
-        switches = (_band(small, rows, offset, limit, inside),)
+    switches = tuple(_band(small, *each) for each in deviations)
     every = (*switches, *further)
     return Segment(small.system, end, label, stop_watches, every, small.coordinates)
 

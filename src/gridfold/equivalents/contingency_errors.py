@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
-from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event

@@ -1,13 +1,14 @@
-"""Reduced models of a partitioned system, and linear models of a whole one.
+"""What a family of small models is, and the two families of the paper.
 
-A family of models offers, for any network state of the study area, the linear and the hybrid model
-between which the adaptive algorithm switches.
+A family offers, for any network state of the study area, the models between which the adaptive
+algorithm switches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from functools import cached_property
 from typing import Protocol
 
@@ -62,8 +63,27 @@ class SmallModel:
         return origin, self.coordinates.lift(np.eye(size)) - origin
 
 
+class Mode(Enum):
+    """Which model is in use.
+
+    RETAINED: machines near the boundary exact beside the study area, the rest linear. HYBRID: their
+    nonlinear functions put back into the linear area. LINEAR: the external area linear. WHOLE:
+    everything linear.
+    """
+
+    DETAILED = "detailed"
+    RETAINED = "retained"
+    HYBRID = "hybrid"
+    LINEAR = "linear"
+    WHOLE = "linear whole"
+
+
 class ModelFamily(Protocol):
-    """Linear and hybrid models about one operating point."""
+    """Small models about one operating point."""
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The models that there are, from the most exact to the cheapest."""
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -77,15 +97,11 @@ class ModelFamily(Protocol):
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
 
-    @property
-    def at_limits(self) -> tuple[str, ...]:
-        """Limits of devices that act at the operating point: linearization freezes what they hold."""
+    def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
+        """Limits of linear units that act at the operating point: what they hold is frozen."""
 
-    def linear(self, model: DetailedModel) -> SmallModel:
-        """The linear model, in the network state of `model`."""
-
-    def hybrid(self, model: DetailedModel) -> SmallModel:
-        """The hybrid model, in the network state of `model`."""
+    def build(self, mode: Mode, model: DetailedModel) -> SmallModel:
+        """The model `mode`, in the network state of `model`."""
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> ModelFamily:
         """The family about another operating point, that of `model` at `point`."""
@@ -145,6 +161,19 @@ class ReducedExternal:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The hybrid and the linear model."""
+        return Mode.HYBRID, Mode.LINEAR
+
+    def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
+        """The same limits in both models."""
+        return self.at_limits
+
+    def build(self, mode: Mode, model: DetailedModel) -> SmallModel:
+        """The hybrid or the linear model."""
+        return self.linear(model) if mode is Mode.LINEAR else self.hybrid(model)
 
     def linear(self, model: DetailedModel) -> SmallModel:
         """Study area in full, external area linear and reduced."""
@@ -284,6 +313,19 @@ class WholeSystem:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The hybrid and the linear model."""
+        return Mode.HYBRID, Mode.LINEAR
+
+    def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
+        """The same limits in both models."""
+        return self.at_limits
+
+    def build(self, mode: Mode, model: DetailedModel) -> SmallModel:
+        """The hybrid or the linear model."""
+        return self.linear(model) if mode is Mode.LINEAR else self.hybrid(model)
 
     def linear(self, model: DetailedModel) -> SmallModel:
         """Everything linear, equation (17), in modal coordinates where the modes can be told apart."""

@@ -7,24 +7,15 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from enum import Enum
 from threading import Lock, RLock, local
 
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.families import ModelFamily, SmallModel
+from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import LinearLimits, linear_limits
 from gridfold.errors import InitializationError
 from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
-
-
-class Mode(Enum):
-    """Which model is in use."""
-
-    DETAILED = "detailed"
-    HYBRID = "hybrid"
-    LINEAR = "linear"
 
 
 Topology = tuple[object, ...]
@@ -46,7 +37,7 @@ class _Known:
 
 
 class SmallModels:
-    """Linear and hybrid models by network state, about the operating point that belongs to it.
+    """Small models by network state, about the operating point that belongs to it.
 
     Hand the same store to several runs to build each model once. Threads may share it: what two of them
     need is built by one while the other waits.
@@ -90,7 +81,8 @@ class SmallModels:
                 return None
             with self._building(known):
                 if key not in known.limits:
-                    found = linear_limits(model, small, family.origin, family.at_limits)
+                    held = family.held_at_limits(mode)
+                    found = linear_limits(model, small, family.origin, held)
                     known.limits[key] = found
         return known.limits[key]
 
@@ -114,8 +106,7 @@ class SmallModels:
                 return None
             with self._building(known):
                 if key not in known.models:
-                    build = family.linear if mode is Mode.LINEAR else family.hybrid
-                    known.models[key] = build(model)
+                    known.models[key] = family.build(mode, model)
         return known.models[key]
 
     def _topology(self, model: DetailedModel) -> _Known:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.equivalents.adaptive import AdaptiveRun
-from gridfold.equivalents.small_models import Mode
+from gridfold.equivalents.families import Mode
 from gridfold.errors import OptionError
 from gridfold.grid.case import Bus
 from gridfold.paper.runs import CaseStudy, SmallRun

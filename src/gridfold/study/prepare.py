@@ -25,7 +25,8 @@ from gridfold.equivalents.families import (
 )
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
-from gridfold.equivalents.small_models import Mode, SmallModels
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault

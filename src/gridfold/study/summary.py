@@ -11,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.equivalents.small_models import Mode
+from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.ringdown import ringdown
 from gridfold.runs.summary import last_event, summarize

@@ -1,0 +1,122 @@
+"""A ladder of models: detailed, machines near the boundary retained, linear, linear throughout.
+
+The adaptive algorithm climbs and descends it. What a step of each rung takes is measured once, and a
+rung that is not cheaper than the one above it is not used.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.equilibrium import Equilibrium
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.families import Mode, SmallModel
+from gridfold.equivalents.folded import FoldedArea
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.steppers import RungeKutta4
+from gridfold.partition import Partition
+from gridfold.simulation.run import run_segments
+from gridfold.simulation.segment import Segment
+from gridfold.systems.protocol import System
+
+#: Steps by which a rung's cost is measured, and how often; the fastest counts.
+_STEPS, _TIMES = 200, 5
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Models of one partitioned system, the most exact first.
+
+    Parameters
+    ----------
+    retained : FoldedArea
+        With machines near the boundary exact; the linear one where none is retained.
+    linear : FoldedArea or None
+        With the whole external area linear; None leaves that rung out.
+    step_seconds : mapping
+        What a step of each rung took on this machine, in seconds; empty takes every rung for
+        cheaper than the one above it.
+    """
+
+    retained: FoldedArea
+    linear: FoldedArea | None
+    step_seconds: Mapping[Mode, float] = field(default_factory=dict)
+
+    @property
+    def rungs(self) -> tuple[Mode, ...]:
+        """All rungs below the detailed model."""
+        middle = () if self.linear is None else (Mode.LINEAR,)
+        return (Mode.RETAINED, *middle, Mode.WHOLE)
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """For each band of deviations the cheapest rung that is exact enough for it."""
+        if not self.step_seconds:
+            return self.rungs
+        best, found = Mode.DETAILED, []
+        for rung in self.rungs:
+            if self.step_seconds[rung] < self.step_seconds[best]:
+                best = rung
+            found.append(best)
+        return tuple(found)
+
+    @property
+    def parts(self) -> Partition:
+        """Study and external area."""
+        return self.retained.parts
+
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The electrically furthest machine."""
+        return self.retained.reference_unit
+
+    @property
+    def study_units(self) -> tuple[UnitKey, ...]:
+        """Machines of the study area."""
+        return self.retained.study_units
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """State of the whole system at the operating point."""
+        return self.retained.origin
+
+    def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
+        """Limits of the units that are linear in `mode` that act at the operating point."""
+        return self._area(mode).held_at_limits(mode)
+
+    def build(self, mode: Mode, model: DetailedModel) -> SmallModel:
+        """The rung `mode` on the network of `model`."""
+        return self._area(mode).build(mode, model)
+
+    def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
+        """About another operating point; what steps cost is known."""
+        linear = None if self.linear is None else self.linear.moved(model, point)
+        return replace(self, retained=self.retained.moved(model, point), linear=linear)
+
+    def measured(self) -> Ladder:
+        """The same with what a step of each rung takes on this machine."""
+        model = self.parts.model
+        spent = {Mode.DETAILED: _step_seconds(model, model.x0)}
+        for rung in self.rungs:
+            small = self.build(rung, model)
+            spent[rung] = _step_seconds(small.system, small.coordinates.restrict(model.x0))
+        return replace(self, step_seconds=spent)
+
+    def _area(self, mode: Mode) -> FoldedArea:
+        """The folded area of a rung; that without retained machines has fewer states."""
+        return self.retained if mode is Mode.RETAINED or self.linear is None else self.linear
+
+
+def _step_seconds(system: System, start: NDArray[np.float64]) -> float:
+    """Seconds that one step of a run with `system` takes, the fastest of some tries."""
+    stepper, spent = RungeKutta4(), []
+    for _ in range(_TIMES):
+        began = clock.perf_counter()
+        run_segments([Segment(system, _STEPS * stepper.step)], start, stepper)
+        spent.append((clock.perf_counter() - began) / _STEPS)
+    return min(spent)
