@@ -36,8 +36,7 @@ from gridfold import (
     whole_system,
 )
 from gridfold.equivalents.adaptive import AdaptiveRun
-from gridfold.equivalents.families import ReducedExternal, reduce_external
-from gridfold.equivalents.families import Mode
+from gridfold.equivalents.families import Mode, ReducedExternal, reduce_external
 from gridfold.grid.case import UnitKey
 from gridfold.partition import linearize_external
 from gridfold.runs.loading import load_psse

@@ -30,8 +30,7 @@ from gridfold import (
     whole_system,
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.equivalents.families import ModelFamily, reduce_external
-from gridfold.equivalents.families import Mode
+from gridfold.equivalents.families import Mode, ModelFamily, reduce_external
 from gridfold.runs.clearing_time import Simulator
 from gridfold.runs.simulate import ModelStore
 

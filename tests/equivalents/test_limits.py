@@ -13,10 +13,9 @@ import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.equivalents.adaptive import LIMIT_DWELL, AdaptiveRun, SwitchingRule, simulate_adaptive
 from gridfold.equivalents.compare import compare
-from gridfold.equivalents.families import reduce_external, whole_system
+from gridfold.equivalents.families import Mode, reduce_external, whole_system
 from gridfold.equivalents.limit_watches import listed
 from gridfold.equivalents.saved import load_reduced, save_reduced
-from gridfold.equivalents.families import Mode
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.numerics.watch import BoxWatch
 from gridfold.partition import Partition, partition

@@ -14,8 +14,7 @@ from row_of_areas import row_of_areas
 from scipy.linalg import expm
 
 import gridfold as gf
-from gridfold.equivalents.families import ModelFamily
-from gridfold.equivalents.families import Mode
+from gridfold.equivalents.families import Mode, ModelFamily
 from gridfold.partition import linearize_external
 from gridfold.runs.loading import load_psse
 from gridfold.simulation import Segment, run_segments

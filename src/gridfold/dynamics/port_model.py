@@ -117,7 +117,8 @@ def _exact_groups(
     model: DetailedModel, area_index: NDArray[np.int64]
 ) -> tuple[list[Group], NDArray[np.int64]]:
     """Units without states in the area by device, and their states in order of their layout."""
-    linear, groups, index = set(area_index.tolist()), [], [np.zeros(0, dtype=np.int64)]
+    linear, index = set(area_index.tolist()), [np.zeros(0, dtype=np.int64)]
+    groups: list[Group] = []
     behind = {
         unit
         for block in model.layout.blocks
@@ -131,5 +132,3 @@ def _exact_groups(
             groups.append((block.device, units, np.ascontiguousarray(block.parameters[:, columns])))
             index.append(block.state_index[:, columns].ravel())
     return groups, np.concatenate(index)
-
-

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.angle_watches import deviation_rows, watched_segment
+from gridfold.equivalents.angle_watches import Deviation, deviation_rows, watched_segment
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import LinearLimits, listed, origin_notice, passed_notices
-from gridfold.equivalents.families import Mode
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
@@ -237,7 +236,9 @@ class AdaptivePlan:
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = self._waiting(time, bands, level) or _in_band(bands[level], worst)
-        choice = self._looking(time, choice, level == 0 and len(bands) > 1 or self._first_only(bands))
+        choice = self._looking(
+            time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
+        )
         if choice.mode is not Mode.DETAILED:
             self.told.setdefault(family.held_at_limits(choice.mode), time)
         return choice

@@ -216,7 +216,9 @@ def fold(
     """
     strange = [unit for unit in retained if unit not in set(parts.external_units)]
     if strange:
-        raise OptionError(f"machine {strange[0]} cannot be retained: it is not in the external area")
+        raise OptionError(
+            f"machine {strange[0]} cannot be retained: it is not in the external area"
+        )
     kept = tuple(unit for unit in parts.external_units if unit in set(retained))
     linear = [unit for unit in parts.external_units if unit not in set(kept)]
     ports = find_ports(parts.model, linear, parts.study_buses)
@@ -245,8 +247,8 @@ def _bases(reducer: Reducer, area: PortArea, weights: NDArray[np.float64]) -> Ba
     """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
     if isinstance(reducer, BalancedTruncation):
         found = reducer.reduce(area.system.dense(), area.x0, include=area.turn)
-        plain = None if found.hankel_values is None else found.order - area.turn.shape[1]
-        tail = None if plain is None else 2 * float(found.hankel_values[plain:].sum())
+        values = np.zeros(0) if found.hankel_values is None else found.hankel_values
+        tail: float | None = 2 * float(values[found.order - area.turn.shape[1] :].sum())
     else:
         found = reducer.reduce(area.system.dense(), area.x0)
         tail = found.bound
@@ -298,7 +300,9 @@ def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
     lift, restrict = bases.lift, bases.restrict
     form = modal_form(restrict @ area.system.apply(lift))
     if form is None:
-        raise OptionError("the modes of the reduced area cannot be told apart; choose another order")
+        raise OptionError(
+            "the modes of the reduced area cannot be told apart; choose another order"
+        )
     order, n_pairs = _pairs_apart(form)
     lift, restrict = lift @ form.basis[:, order], form.inverse[order] @ restrict
     first_of_pairs = len(order) - 2 * n_pairs

@@ -17,7 +17,6 @@ from gridfold.errors import InitializationError
 from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
 
-
 Topology = tuple[object, ...]
 _INTACT: Topology = ()
 

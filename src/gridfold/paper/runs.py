@@ -18,8 +18,7 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
 from gridfold.equivalents.compare import Comparison, compare
-from gridfold.equivalents.families import ReducedExternal, WholeSystem, reduce_external
-from gridfold.equivalents.families import Mode
+from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem, reduce_external
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey

@@ -166,7 +166,7 @@ def _port_row(row: dict[int, int], bus: int) -> int:
 def _both(model: DetailedModel, rows: list[int]) -> NDArray[np.int64]:
     """Rows in real form: those of the real, then of the imaginary parts."""
     at = np.array(rows, dtype=np.int64)
-    return np.r_[at, len(model.equations.live) + at]
+    return np.concatenate([at, len(model.equations.live) + at])
 
 
 def _phasors(parts: Matrix) -> NDArray[np.complex128]:

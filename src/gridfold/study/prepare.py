@@ -18,6 +18,7 @@ from gridfold.equivalents.adaptive import SwitchingRule
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.families import (
     COLUMN_NORM,
+    Mode,
     ReducedExternal,
     WholeSystem,
     reduce_external,
@@ -25,7 +26,6 @@ from gridfold.equivalents.families import (
 )
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
-from gridfold.equivalents.families import Mode
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case, UnitKey
