@@ -91,8 +91,10 @@ def build_port_model(
         The operating point.
     """
     groups, index = _exact_groups(model, area_index)
-    layout = build_layout(groups, [*ports, *load_buses(model, study)])
+    speeds = [(unit, "speed") for unit in area.movers.units] if area.movers is not None else []
+    layout = build_layout(groups, [*ports, *load_buses(model, study)], speeds)
     values = dict(zip(model.layout.constant_names, model.constants, strict=True))
+    values |= dict.fromkeys(speeds, 1.0)
     found = port_network(model, layout.terminals, study, origin)
     out = model.state.units_out
     angles = [
@@ -116,7 +118,10 @@ def build_port_model(
 def _exact_groups(
     model: DetailedModel, area_index: NDArray[np.int64]
 ) -> tuple[list[Group], NDArray[np.int64]]:
-    """Units without states in the area by device, and their states in order of their layout."""
+    """Devices without part in the area, and their states in order of their layout.
+
+    These are all devices of exact units, and others with states none of which is in the area.
+    """
     linear, index = set(area_index.tolist()), [np.zeros(0, dtype=np.int64)]
     groups: list[Group] = []
     behind = {
@@ -126,7 +131,11 @@ def _exact_groups(
         if linear.intersection(column.tolist())
     }
     for block in model.layout.blocks:
-        columns = [k for k, unit in enumerate(block.units) if unit not in behind]
+        apart = [
+            bool(column) and not linear.intersection(column)
+            for column in block.state_index.T.tolist()
+        ]
+        columns = [k for k, unit in enumerate(block.units) if unit not in behind or apart[k]]
         if columns:
             units = [block.units[k] for k in columns]
             groups.append((block.device, units, np.ascontiguousarray(block.parameters[:, columns])))

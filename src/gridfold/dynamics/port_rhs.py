@@ -6,6 +6,9 @@ angle and logarithm of the port voltages:
 
     J = J0 exp(C z),    z' = A z + B (u - u0) + c,    u = (arg V, ln |V|).
 
+Prime movers of machines in the area may be exact: they are given the speed, linear in z, and their
+power drives z.
+
 So a step costs what the exact units and the ports cost, however many machines are behind the ports,
 and a common turn of all angles is followed exactly. A is in modal form: real modes first, then the
 first coordinates of all pairs, then their second ones.
@@ -54,8 +57,39 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     N_ANGLES,
     ANGLES_AT,
     ANGLE_REFERENCE_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 9)
-_PORT_HEADER = HEADER_SIZE + 9
+    N_MOVERS,
+    MOVERS_AT,
+    MOVER_REALS_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 12)
+_PORT_HEADER = HEADER_SIZE + 12
+
+
+@dataclass(frozen=True)
+class PowerInputs:
+    """Mechanical powers that drive k machines of a linear area of order r, and their speeds.
+
+    z' gets b (P - power), and the speeds are speed + c z.
+
+    Parameters
+    ----------
+    units : tuple of UnitKey
+        The machines.
+    speed, power : ndarrays, shape (k,)
+        At the operating point, in p.u.
+    c, b : ndarrays, shapes (k, r) and (r, k)
+        Slopes of the speeds, and what the powers do.
+    """
+
+    units: tuple[UnitKey, ...]
+    speed: NDArray[np.float64]
+    power: NDArray[np.float64]
+    c: NDArray[np.float64]
+    b: NDArray[np.float64]
+
+    @property
+    def reals(self) -> NDArray[np.float64]:
+        """All numbers in the order in which the compiled function reads them."""
+        return np.concatenate([self.speed, self.power, self.c.ravel(), self.b.T.ravel()])
 
 
 @dataclass(frozen=True)
@@ -80,6 +114,8 @@ class LinearPorts:
     turned : ndarray, shape (2 p,)
         By how much logarithm and angle of J are off after a common turn of all angles by 1 rad: 0 but
         for loads that are linear in a turning frame.
+    movers : PowerInputs or None
+        Machines of the area whose prime movers are not linear.
     """
 
     diagonal: NDArray[np.float64]
@@ -90,6 +126,7 @@ class LinearPorts:
     current: NDArray[np.complex128]
     voltage: NDArray[np.complex128]
     turned: NDArray[np.float64]
+    movers: PowerInputs | None = None
 
     @property
     def order(self) -> int:
@@ -129,6 +166,10 @@ def pack_port_rhs(
     header[PORT_WORK_AT] = data.work_size
     header[[N_ANGLES, ANGLES_AT]] = len(angles[0]), data.integers.add(angles[0])
     header[ANGLE_REFERENCE_AT] = data.reals.add(angles[1])
+    if area.movers is not None:
+        header[N_MOVERS] = len(area.movers.units)
+        header[MOVERS_AT] = data.integers.add(_mover_slots(layout, area.movers.units))
+        header[MOVER_REALS_AT] = data.reals.add(area.movers.reals)
     return CompiledRhs(
         address=_compiled().address,
         integers=np.concatenate([header, data.integers.join()]),
@@ -136,6 +177,35 @@ def pack_port_rhs(
         work_size=data.work_size + 4 * len(ports),
         n_states=layout.n_states + area.order,
     )
+
+
+def _mover_slots(layout: Layout, units: Collection[UnitKey]) -> list[int]:
+    """Where the speeds, then the mechanical powers of `units` stand among the signals."""
+    names = ("speed", "mechanical_power")
+    return [layout.signal_slots[unit, name] for name in names for unit in units]
+
+
+@compiled_part
+def _give_speeds(integers, reals, work, z):
+    """Speeds of linear machines for prime movers that are not linear."""
+    count, order, at = integers[N_MOVERS], integers[ORDER], integers[MOVER_REALS_AT]
+    for m in range(count):
+        total = reals[at + m]
+        row = at + 2 * count + m * order
+        for k in range(order):
+            total += reals[row + k] * z[k]
+        work[integers[integers[MOVERS_AT] + m]] = total
+
+
+@compiled_part
+def _add_powers(integers, reals, work, dz):
+    """What the powers of these prime movers do to the linear area."""
+    count, order, at = integers[N_MOVERS], integers[ORDER], integers[MOVER_REALS_AT]
+    for m in range(count):
+        power = work[integers[integers[MOVERS_AT] + count + m]] - reals[at + count + m]
+        column = at + (2 + order) * count + m * order
+        for k in range(order):
+            dz[k] += reals[column + k] * power
 
 
 @compiled_part
@@ -238,6 +308,7 @@ def _port_rhs(integers, reals, work, v, dv):
     for i in range(n):
         work[i] = v[i]
     load_constants(integers, reals, work)
+    _give_speeds(integers, reals, work, v[n:])
     n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(0, n_source, integers, reals, work, v, dv)
     add_source_currents(integers, work)
@@ -252,6 +323,7 @@ def _port_rhs(integers, reals, work, v, dv):
     freeze(integers, dv)
     _port_inputs(integers, reals, work)
     _move_area(integers, reals, work, v[n:], dv[n:])
+    _add_powers(integers, reals, work, dv[n:])
 
 
 @cache

@@ -87,7 +87,7 @@ def without_touched(
         for limit in block.device.limits:
             row = block.device.parameter_rows.index(limit.parameter)
             for k, unit in enumerate(block.units):
-                if _name(block.device, limit, unit) in near:
+                if limit_name(block.device, limit, unit) in near:
                     parameters[row, k] = limit.side.value * NO_LIMIT
         blocks[at] = replace(block, parameters=parameters)
     return model.with_blocks(blocks)
@@ -114,7 +114,7 @@ def limits_along(
         acts = acts.reshape(len(block.device.limits), len(columns), len(signals))
         for limit, rows in zip(block.device.limits, acts, strict=True):
             for column, row in zip(columns, rows, strict=True):
-                result[_name(block.device, limit, block.units[column])] = row
+                result[limit_name(block.device, limit, block.units[column])] = row
     return result
 
 
@@ -134,7 +134,7 @@ def state_limits(
             bounds = limit_value(block.device, limit, values[2])
             direct = bounds_state(block.device, limit, *values) & (np.abs(bounds) < NO_LIMIT)
             for k in np.flatnonzero(direct):
-                name = _name(block.device, limit, block.units[columns[k]])
+                name = limit_name(block.device, limit, block.units[columns[k]])
                 if name not in without:
                     row = block.device.states.index(str(limit.state))
                     index = int(block.state_index[row, columns[k]])
@@ -170,5 +170,6 @@ def _columns(
     return states, inputs, np.repeat(block.parameters[:, columns], len(signals), axis=1)
 
 
-def _name(device: Device, limit: Limit, unit: UnitKey) -> str:
+def limit_name(device: Device, limit: Limit, unit: UnitKey) -> str:
+    """For example ``EMAX of sexs 23:1``."""
     return f"{limit_symbol(device, limit)} of {device.model} {unit}"

@@ -47,13 +47,15 @@ class SmallModel:
     """A model, and the way between its states and those of the whole system.
 
     `unlimited` are the units whose limits do not act in it as they should: linear ones, and those
-    whose nonlinear part acts through a reduction, which holds for small corrections only.
+    whose nonlinear part acts through a reduction, which holds for small corrections only. Limits
+    that are `followed` act as they should nevertheless.
     """
 
     system: System
     coordinates: Coordinates
     nonlinear_functions: int
     unlimited: tuple[UnitKey, ...] = ()
+    followed: frozenset[str] = frozenset()
 
     @cached_property
     def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -17,7 +17,8 @@ from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_model import PortModel, build_port_model
-from gridfold.dynamics.port_rhs import LinearPorts
+from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
+from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.dynamics.unit_limits import limits_touched, without_touched
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.errors import OptionError
@@ -97,6 +98,8 @@ class FoldedArea:
         Common rate of all rotor angles there, in rad/s.
     at_limits : tuple of str
         Limits of linear units that act there.
+    governed : tuple of UnitKey
+        Linear units whose prime movers are exact, because any swing takes them to a limit.
     """
 
     parts: Partition
@@ -111,6 +114,7 @@ class FoldedArea:
     states: StateMap = field(repr=False)
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
+    governed: tuple[UnitKey, ...] = ()
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -136,7 +140,8 @@ class FoldedArea:
         if mode is Mode.WHOLE:
             return self.whole(model)
         built = self._ported(model)
-        return SmallModel(built, built, 0, self.ports.units)
+        followed = mover_limits(model, self.governed)
+        return SmallModel(built, built, 0, self.ports.units, followed)
 
     def whole(self, model: DetailedModel) -> SmallModel:
         """The same with the study area and the retained machines linear as well, in closed form."""
@@ -161,7 +166,7 @@ class FoldedArea:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> FoldedArea:
         """Linearized anew about `point`, the equilibrium of `model`, on the bases that are there."""
-        area = _linearized(self.ports, model, point.x, self.bases.weights)
+        area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed)
         return _projected(self, area, model, point)
 
     def _ported(self, model: DetailedModel) -> PortModel:
@@ -225,7 +230,8 @@ def fold(
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)
     weights = interface_weights(parts.model, ports)
-    area = _linearized(ports, parts.model, point.x, weights)
+    governed = limited_by_any_swing(parts.model, point.x, ports.units)
+    area = _linearized(ports, parts.model, point.x, weights, governed)
     bases = _bases(chosen, area, weights)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
@@ -239,27 +245,43 @@ def on_bases(
 ) -> FoldedArea:
     """A folded area with bases that are known, at the equilibrium."""
     point = Equilibrium(parts.model.x0, 0.0)
-    area = _linearized(ports, parts.model, point.x, bases.weights)
+    governed = limited_by_any_swing(parts.model, point.x, ports.units)
+    area = _linearized(ports, parts.model, point.x, bases.weights, governed)
     return _about(parts, couple(parts), retained, ports, reducer, bases, area, point)
 
 
 def _bases(reducer: Reducer, area: PortArea, weights: NDArray[np.float64]) -> Bases:
     """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
     if isinstance(reducer, BalancedTruncation):
-        found = reducer.reduce(area.system.dense(), area.x0, include=area.turn)
+        found = reducer.reduce(area.driven, area.x0, include=area.turn)
         values = np.zeros(0) if found.hankel_values is None else found.hankel_values
         tail: float | None = 2 * float(values[found.order - area.turn.shape[1] :].sum())
     else:
-        found = reducer.reduce(area.system.dense(), area.x0)
+        found = reducer.reduce(area.driven, area.x0)
         tail = found.bound
     maps = found.state_map
     return Bases(maps.lift_matrix, maps.restrict_matrix, weights, found.hankel_values, tail)
 
 
 def _linearized(
-    ports: Ports, model: DetailedModel, x: NDArray[np.float64], weights: NDArray[np.float64]
+    ports: Ports,
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    governed: tuple[UnitKey, ...],
 ) -> PortArea:
-    return linearize_ports(ports, without_touched(model, x, ports.units), x, weights)
+    """The area behind the ports about `x`, without the prime movers of the `governed` machines."""
+    smooth = without_touched(model, x, ports.units)
+    movers = prime_movers(smooth, x, governed) if governed else None
+    return linearize_ports(ports, smooth, x, weights, movers)
+
+
+def _at_limits(
+    model: DetailedModel, x: NDArray[np.float64], ports: Ports, area: PortArea
+) -> tuple[str, ...]:
+    """Limits that act, or are touched, at `x` and are not followed."""
+    followed = mover_limits(model, area.movers.units if area.movers is not None else ())
+    return tuple(n for n in limits_touched(model, x, ports.units) if n not in followed)
 
 
 def _about(
@@ -273,10 +295,11 @@ def _about(
     point: Equilibrium,
 ) -> FoldedArea:
     linear_ports, states = _in_modes(bases, area)
-    at_limits = limits_touched(parts.model, point.x, ports.units)
+    at_limits = _at_limits(parts.model, point.x, ports, area)
+    governed = area.movers.units if area.movers is not None else ()
     return FoldedArea(
         parts, coupling, retained, ports, reducer, bases, area, point.x, linear_ports, states,
-        point.rate, at_limits,
+        point.rate, at_limits, governed,
     )  # fmt: skip
 
 
@@ -291,7 +314,7 @@ def _projected(
         linear_ports=linear_ports,
         states=states,
         rate=point.rate,
-        at_limits=limits_touched(model, point.x, known.ports.units),
+        at_limits=_at_limits(model, point.x, known.ports, area),
     )
 
 
@@ -315,7 +338,18 @@ def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
         current=area.current,
         voltage=area.voltage,
         turned=area.log_slopes @ area.turn[:, 0] - np.repeat([0.0, 1.0], len(area.voltage)),
+        movers=_power_inputs(area, lift, restrict),
     ), StateMap(area.x0, lift, restrict)
+
+
+def _power_inputs(
+    area: PortArea, lift: NDArray[np.float64], restrict: NDArray[np.float64]
+) -> PowerInputs | None:
+    """The exact prime movers of the area's machines as its coordinates know them."""
+    at = area.movers
+    if at is None:
+        return None
+    return PowerInputs(at.units, at.speed, at.power, area.speeds @ lift, restrict @ area.powers)
 
 
 def _pairs_apart(form: ModalForm) -> tuple[NDArray[np.int64], int]:

@@ -95,7 +95,8 @@ def linear_limits(
     Those named `without` are left out.
     """
     units = small.unlimited
-    everything = set(limits_along(model, origin[None, :], units)) - set(without)
+    without = {*without, *small.followed}
+    everything = set(limits_along(model, origin[None, :], units)) - without
     if not everything:
         return None
     direct = state_limits(model, origin, units, without)

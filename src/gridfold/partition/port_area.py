@@ -15,15 +15,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from gridfold.dynamics.descriptor import grid_descriptor, node_currents
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import real_form
+from gridfold.dynamics.prime_movers import PrimeMovers
 from gridfold.errors import OptionError
 from gridfold.partition.ports import Ports
 from gridfold.systems.descriptor import DescriptorSystem
+from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
+#: Angle in rad that a speed deviation of 1 p.u. is in a swing of 1 Hz, at 60 Hz.
+BASE_TURN = 60.0
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,8 @@ class PortArea:
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
         What a common turn of all rotor angles by 1 rad does to the states.
+    movers : PrimeMovers or None
+        Prime movers that do not belong to the area, though their machines do.
     """
 
     ports: Ports
@@ -59,6 +66,31 @@ class PortArea:
     current: NDArray[np.complex128]
     log_slopes: Matrix
     turn: Matrix
+    movers: PrimeMovers | None = None
+
+    @property
+    def speeds(self) -> Matrix:
+        """Ones where a speed that a prime mover is given is a state of the area, (k, n)."""
+        at = np.zeros(0) if self.movers is None else self.movers.speed_index
+        return np.asarray(at[:, None] == self.state_index, dtype=float)
+
+    @property
+    def powers(self) -> Matrix:
+        """What the powers of prime movers do to the states of the area, (n, k)."""
+        if self.movers is None:
+            return np.zeros((len(self.state_index), 0))
+        return np.asarray(self.movers.slopes[self.state_index])
+
+    @property
+    def driven(self) -> LinearSystem:
+        """The area with the powers as further inputs and the speeds as further outputs, dense.
+
+        Speeds count as the angles that they are in a swing of 1 Hz, powers in p.u.
+        """
+        plain = self.system.dense()
+        turns = BASE_TURN * self.speeds
+        b, c = np.hstack([plain.b, self.powers]), np.vstack([plain.c, turns])
+        return LinearSystem(plain.a, b, c)
 
 
 def interface_weights(model: DetailedModel, ports: Ports) -> Matrix:
@@ -77,7 +109,13 @@ def interface_weights(model: DetailedModel, ports: Ports) -> Matrix:
     return np.asarray(np.linalg.qr(real_form(caused), mode="r"))
 
 
-def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matrix) -> PortArea:
+def linearize_ports(
+    ports: Ports,
+    model: DetailedModel,
+    x: Matrix,
+    weights: Matrix,
+    movers: PrimeMovers | None = None,
+) -> PortArea:
     """Linearize the area behind `ports` at the state `x` of the whole system.
 
     Parameters
@@ -90,6 +128,8 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
         The state.
     weights : ndarray, shape (k, 2 n_ports)
         How changes of the port currents count in the outputs.
+    movers : PrimeMovers, optional
+        Prime movers that are left out of it, at `x`.
 
     Raises
     ------
@@ -97,6 +137,10 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
         A port has no voltage, or no machine feeds it.
     """
     grid, index, row = grid_descriptor(model, x), area_states(model, ports), _rows(model)
+    own = grid.a11
+    if movers is not None:
+        index = np.setdiff1d(index, movers.state_index)
+        own = own - _direct(movers, model.n_states)
     inside = _both(model, [row[bus] for bus in sorted(ports.inside) if bus in row])
     at = _both(model, [_port_row(row, bus) for bus in ports.buses])
     voltage = model.bus_voltages(x[None, :])[0][[model.case.bus_index[b] for b in ports.buses]]
@@ -104,7 +148,7 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
     driven = np.vstack([polar.real, polar.imag])
     by_node, into_node, between = grid.a12[index], grid.a21[:, index], grid.a22
     inner = DescriptorSystem(
-        a11=grid.a11[index][:, index],
+        a11=own[index][:, index],
         a12=by_node[:, inside],
         a21=into_node[inside],
         a22=between[inside][:, inside],
@@ -135,7 +179,15 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
         current,
         np.vstack([relative.real, relative.imag]),
         np.array(angles, dtype=float)[:, None],
+        movers,
     )
+
+
+def _direct(movers: PrimeMovers, n_states: int) -> csc_array:
+    """What speeds do to states by powers that follow them at once, (n_states, n_states)."""
+    at = np.zeros((len(movers.units), n_states))
+    at[np.arange(len(movers.units)), movers.speed_index] = movers.direct
+    return csc_array(csc_array(movers.slopes) @ csc_array(at))
 
 
 def area_states(model: DetailedModel, ports: Ports) -> NDArray[np.int64]:
