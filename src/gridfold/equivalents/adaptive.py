@@ -5,7 +5,8 @@ deviation of any study-area machine exceeds the threshold, and cheaper ones belo
 has changed, or the threshold has been exceeded for too long, the models move to the new operating
 point.
 
-Linear units know no limits. Where one of theirs is reached the detailed model takes over.
+Linear units know no limits. Where one of theirs is reached the detailed model takes over, or a rung of
+the ladder that is not at a limit.
 """
 
 from __future__ import annotations
@@ -21,7 +22,13 @@ from numpy.typing import NDArray
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.angle_watches import Deviation, deviation_rows, watched_segment
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
-from gridfold.equivalents.limit_watches import LinearLimits, listed, origin_notice, passed_notices
+from gridfold.equivalents.limit_watches import (
+    LinearLimits,
+    let_go_notices,
+    listed,
+    origin_notice,
+    passed_notices,
+)
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
@@ -40,6 +47,8 @@ from gridfold.simulation.segment import Piece, Segment
 _INSTANT = 1e-9
 #: Time (s) for which the detailed model stays in use once a limit was reached.
 LIMIT_DWELL = 0.1
+#: Models that may take over from one below them where a limit is reached.
+_FOLLOWING = (Mode.RETAINED, Mode.LINEAR)
 
 
 class Switch(NamedTuple):
@@ -183,8 +192,12 @@ class AdaptivePlan:
         limits = None if small is None else self.small.limits(model, mode)
         reached = self._reached(limits, x)
         if reached:
-            mode, reason, small, limits = Mode.DETAILED, f"{listed(reached)} reached", None, None
+            mode, reason = self._above(mode, model, x), f"{listed(reached)} reached"
+            small = None if mode is Mode.DETAILED else self.small.get(model, mode)
+            limits = None if small is None else self.small.limits(model, mode)
             choice = Choice(mode, reason)
+            end = min(end, round(time + LIMIT_DWELL, 9))
+        if limits is not None and limits.held.names and self.rule.limits:
             end = min(end, round(time + LIMIT_DWELL, 9))
         end = min(end, max(choice.until, time + _INSTANT))
         self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
@@ -205,15 +218,30 @@ class AdaptivePlan:
             for piece, limits in zip(pieces, self.limits, strict=False)
             if limits is not None
         ]
+        gone = [
+            limits.let_go(piece)
+            for piece, limits in zip(pieces, self.limits, strict=False)
+            if limits is not None
+        ]
         at_origin = [origin_notice(time, names) for names, time in self.told.items() if names]
-        return [*at_origin, *passed_notices(phases)]
+        return [*at_origin, *passed_notices(phases), *let_go_notices(gone)]
 
     def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
         """Limits for which the detailed model has to take over, or stay."""
         if limits is None or not self.rule.limits:
             return ()
         was_detailed = not self.switches or self.switches[-1].after is Mode.DETAILED
-        return limits.reached(x, inside=was_detailed)
+        return limits.reached(x, inside=was_detailed or self.at_limit)
+
+    def _above(self, mode: Mode, model: DetailedModel, x: NDArray[np.float64]) -> Mode:
+        """The next rung of a ladder that no limit is in the way of; else the detailed model."""
+        family = self.small.family_for(model)
+        rungs = () if family is None else family.modes
+        higher = rungs[: rungs.index(mode)] if mode in rungs else ()
+        for rung in reversed(higher):
+            if rung in _FOLLOWING and not self._reached(self.small.limits(model, rung), x):
+                return rung
+        return Mode.DETAILED
 
     def _limit_watch(self, limits: LinearLimits | None) -> tuple[Watch, ...]:
         if limits is None or limits.watch is None or not self.rule.limits:

@@ -24,7 +24,7 @@ from gridfold.dynamics.area_model import (
 )
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.unit_limits import limits_touched, without_touched
+from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.model_kind import ReducerKind
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -247,7 +247,7 @@ def _reduce(
     model: DetailedModel,
     point: Equilibrium,
 ) -> ReducedExternal:
-    smooth = without_touched(model, point.x, parts.external_units)
+    smooth = touched_held(model, point.x, parts.external_units)
     linear = linearize_external(parts, smooth, point.x)
     if isinstance(reducer, BalancedTruncation) and reducer.slow_modes is not None:
         slow = slow_modes(smooth, point.x, reducer.slow_modes)[linear.state_index]
@@ -358,7 +358,7 @@ class WholeSystem:
         return SmallModel(built, built, 0, tuple(far))
 
     def _jacobian(self, model: DetailedModel) -> NDArray[np.float64]:
-        smooth = without_touched(model, self.origin, model.layout.source_units)
+        smooth = touched_held(model, self.origin, model.layout.source_units)
         return smooth.jacobian(self.origin)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> WholeSystem:

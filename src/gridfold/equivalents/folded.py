@@ -19,7 +19,7 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_model import PortModel, build_port_model
 from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
-from gridfold.dynamics.unit_limits import limits_touched, without_touched
+from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -150,7 +150,7 @@ class FoldedArea:
         lift = np.zeros((model.n_states, n_exact + r))
         lift[ported.exact_index, np.arange(n_exact)] = 1.0
         lift[ported.area_index, n_exact:] = self.states.lift_matrix
-        smooth = without_touched(model, self.origin, model.layout.source_units)
+        smooth = touched_held(model, self.origin, model.layout.source_units)
         moved = grid_descriptor(smooth, self.origin).apply(lift)
         drift = model.compiled(self.origin)
         a = np.vstack([moved[ported.exact_index], self._restricted(moved[ported.area_index])])
@@ -271,7 +271,7 @@ def _linearized(
     governed: tuple[UnitKey, ...],
 ) -> PortArea:
     """The area behind the ports about `x`, without the prime movers of the `governed` machines."""
-    smooth = without_touched(model, x, ports.units)
+    smooth = touched_held(model, x, ports.units)
     movers = prime_movers(smooth, x, governed) if governed else None
     return linearize_ports(ports, smooth, x, weights, movers)
 
