@@ -14,6 +14,7 @@ import gridfold as gf
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import FoldedArea, fold
+from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
 from gridfold.runs.loading import load_psse
 from gridfold.runs.method import choose_stepper
@@ -139,3 +140,23 @@ def test_the_scan_finds_external_machines_whose_exciters_reach_limits():
         "VRMAX of ieeet1 38:1",
     ]
     assert limited_units(parts, t_end=2.0) == ()
+
+
+def test_a_ladder_is_climbed_where_a_rung_that_is_linear_throughout_is_at_a_limit():
+    parts, events = parts_of(), [gf.BusFault(21, duration=0.1)]
+    ladder = gf.SmallModels(Ladder(fold(parts, parts.external_units[:2]), fold(parts)))
+    rule = gf.SwitchingRule(10.0, whole_deg=3.0, dwell=0.5)
+    run = gf.simulate_adaptive(parts.model, ladder, rule, events, T_END)
+    climbed = [switch for switch in run.switches if "reached" in switch.reason]
+    assert climbed
+    assert {switch.after for switch in climbed} == {Mode.LINEAR}
+    assert largest_deg(parts, gf.simulate(parts.model, events, T_END), run.trajectory) < LARGEST_DEG
+
+
+def test_about_another_operating_point_the_prime_movers_stay_exact():
+    parts = parts_of()
+    events = [gf.BranchTrip("21-22", time=0.1)]
+    detailed = gf.simulate(parts.model, events, T_END)
+    run = gf.simulate_adaptive(parts.model, folded(0), EVERYWHERE_LINEAR, events, T_END)
+    assert {switch.after for switch in run.switches} == {Mode.LINEAR}
+    assert largest_deg(parts, detailed, run.trajectory) < LARGEST_DEG

@@ -253,11 +253,11 @@ def on_bases(
 def _bases(reducer: Reducer, area: PortArea, weights: NDArray[np.float64]) -> Bases:
     """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
     if isinstance(reducer, BalancedTruncation):
-        found = reducer.reduce(area.driven, area.x0, include=area.turn)
+        found = reducer.reduce(area.driven.dense(), area.x0, include=area.turn)
         values = np.zeros(0) if found.hankel_values is None else found.hankel_values
         tail: float | None = 2 * float(values[found.order - area.turn.shape[1] :].sum())
     else:
-        found = reducer.reduce(area.driven, area.x0)
+        found = reducer.reduce(area.driven.dense(), area.x0)
         tail = found.bound
     maps = found.state_map
     return Bases(maps.lift_matrix, maps.restrict_matrix, weights, found.hankel_values, tail)

@@ -11,7 +11,7 @@ beside an admittance that belongs to the network. What happens in the rest chang
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from gridfold.dynamics.prime_movers import PrimeMovers
 from gridfold.errors import OptionError
 from gridfold.partition.ports import Ports
 from gridfold.systems.descriptor import DescriptorSystem
-from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
 #: Angle in rad that a speed deviation of 1 p.u. is in a swing of 1 Hz, at 60 Hz.
@@ -82,15 +81,20 @@ class PortArea:
         return np.asarray(self.movers.slopes[self.state_index])
 
     @property
-    def driven(self) -> LinearSystem:
-        """The area with the powers as further inputs and the speeds as further outputs, dense.
+    def driven(self) -> DescriptorSystem:
+        """The area with the powers as further inputs and the speeds as further outputs.
 
         Speeds count as the angles that they are in a swing of 1 Hz, powers in p.u.
         """
-        plain = self.system.dense()
-        turns = BASE_TURN * self.speeds
-        b, c = np.hstack([plain.b, self.powers]), np.vstack([plain.c, turns])
-        return LinearSystem(plain.a, b, c)
+        plain, powers = self.system, self.powers
+        units = () if self.movers is None else self.movers.units
+        return replace(
+            plain,
+            b1=np.hstack([plain.b1, powers]),
+            b2=np.hstack([plain.b2, np.zeros((len(plain.b2), len(units)))]),
+            c=np.vstack([plain.c, BASE_TURN * self.speeds]),
+            input_names=(*plain.input_names, *(f"power:{unit}" for unit in units)),
+        )
 
 
 def interface_weights(model: DetailedModel, ports: Ports) -> Matrix:
