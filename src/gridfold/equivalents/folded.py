@@ -20,6 +20,7 @@ from gridfold.dynamics.port_model import PortModel, build_port_model
 from gridfold.dynamics.port_rhs import LinearPorts
 from gridfold.dynamics.unit_limits import limits_touched, without_touched
 from gridfold.equivalents.families import Mode, SmallModel
+from gridfold.equivalents.model_kind import Weights
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import ModalForm, modal_form
@@ -65,7 +66,7 @@ class Bases:
         return int(self.lift.shape[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoldedArea:
     """Study area and retained machines exact, all others linear behind ports, about a point.
 
@@ -113,9 +114,14 @@ class FoldedArea:
     at_limits: tuple[str, ...] = ()
 
     @property
+    def mode(self) -> Mode:
+        """What the model is called: retained where machines beside the study area are."""
+        return Mode.RETAINED if self.retained else Mode.LINEAR
+
+    @property
     def modes(self) -> tuple[Mode, ...]:
-        """One model; it is called retained where machines beside the study area are."""
-        return (Mode.RETAINED if self.retained else Mode.LINEAR,)
+        """One model."""
+        return (self.mode,)
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -196,7 +202,10 @@ class WholeCoordinates:
 
 
 def fold(
-    parts: Partition, retained: Collection[UnitKey] = (), reducer: Reducer | None = None
+    parts: Partition,
+    retained: Collection[UnitKey] = (),
+    reducer: Reducer | None = None,
+    weights: Weights = Weights.INTERFACE,
 ) -> FoldedArea:
     """Fold the external area behind its ports, at the equilibrium.
 
@@ -208,6 +217,8 @@ def fold(
         External machines that stay exact.
     reducer : Reducer
         Balanced truncation to a bound of 2e-3 p.u. by default.
+    weights : Weights
+        What is balanced: what the area causes at its ports, or all of its states alike.
 
     Raises
     ------
@@ -224,9 +235,11 @@ def fold(
     ports = find_ports(parts.model, linear, parts.study_buses)
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)
-    weights = interface_weights(parts.model, ports)
-    area = _linearized(ports, parts.model, point.x, weights)
-    bases = _bases(chosen, area, weights)
+    at_ports = interface_weights(parts.model, ports)
+    area = _linearized(ports, parts.model, point.x, at_ports)
+    if weights is Weights.STATES:
+        area = replace(area, system=area.system.with_outputs(np.eye(area.system.n)))
+    bases = _bases(chosen, area, at_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
