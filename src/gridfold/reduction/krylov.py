@@ -102,23 +102,38 @@ def compress(system: DescriptorSystem, tolerance: float = 1e-10) -> Compressed:
     if not 0 < tolerance < 1:
         raise OptionError(f"the tolerance of a compression must be between 0 and 1: {tolerance}")
     limit = -STABILITY_MARGIN * system.radius
-    exact, empty = no_part(system.n), np.zeros((system.n, 0))
-    bases = Bases.of(system, system.b, system.c, empty, empty)
+    exact, bases = no_part(system.n), Bases.empty(system)
     for _ in range(_PASSES):
         bases, spectrum, error = _converged(bases, tolerance)
         more = refined(system, bases, spectrum.values, limit, exact)
         if more.order == exact.order:
-            return Compressed(system, exact, stable_rest(bases, limit), error)
+            return _together(system, exact, stable_rest(bases, spectrum, limit), error)
         exact = more
         bases = deflated(bases, exact)
     raise OptionError("the unstable modes of a large system were not found")
 
 
+def _together(
+    system: DescriptorSystem, unstable: InvariantPart, stable: InvariantPart, error: float
+) -> Compressed:
+    """Both parts, with restrict lift = I to rounding."""
+    lift = np.hstack([unstable.lift, stable.lift])
+    restrict = np.vstack([unstable.restrict, stable.restrict])
+    restrict = np.asarray(np.linalg.solve(restrict @ lift, restrict), dtype=np.float64)
+    first, rest = restrict[: unstable.order], restrict[unstable.order :]
+    return Compressed(
+        system,
+        InvariantPart(unstable.matrix, unstable.lift, first),
+        InvariantPart(stable.matrix, stable.lift, rest),
+        error,
+    )
+
+
 def _converged(bases: Bases, tolerance: float) -> tuple[Bases, Spectrum, float]:
     """Sample until nothing above the tolerance is found where it is to be expected, and elsewhere."""
     radius = bases.system.radius
+    before, size, checking = Spectrum.of(bases.reduced()), 0.0, bases.k > 0
     points, sampled = first_points(radius), np.zeros(0)
-    before, size, checking = Spectrum.of(bases.reduced()), 0.0, False
     for _ in range(_ROUNDS):
         k = bases.k
         bases, size, error = _sampled(bases, points, size, tolerance)
@@ -133,7 +148,7 @@ def _converged(bases: Bases, tolerance: float) -> tuple[Bases, Spectrum, float]:
                 break
             return bases, spectrum, error / size
         else:
-            checking, points = False, next_points(spectrum, before, radius)
+            checking, points = False, next_points(spectrum, before, sampled, radius)
         before = spectrum
     raise OptionError(
         f"a large system was not compressed to {tolerance:g}: the error is {error / size:.1e}"

@@ -23,7 +23,9 @@ _CONDITION = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class Bases:
-    """V and W with orthonormal columns, and what the projection x = V z, W^T (x' - A x - B u) = 0 needs.
+    """V and W with orthonormal columns, and what the projection onto them needs.
+
+    The projected system is x = V z with W^T (x' - A x - B u) = 0.
 
     Source: A. C. Antoulas, "Approximation of Large-Scale Dynamical Systems", SIAM, 2005, section 11.3.
 
@@ -39,6 +41,8 @@ class Bases:
         A V.
     gram, middle : ndarrays, shape (k, k)
         W^T V and W^T A V.
+    wb, cv : ndarrays, shapes (k, m) and (p, k)
+        W^T B and C V.
     """
 
     system: DescriptorSystem
@@ -49,12 +53,24 @@ class Bases:
     av: Matrix
     gram: Matrix
     middle: Matrix
+    wb: Matrix
+    cv: Matrix
 
     @classmethod
-    def of(cls, system: DescriptorSystem, b: Matrix, c: Matrix, v: Matrix, w: Matrix) -> Bases:
-        """The bases of the columns of `v` and `w`, (n, j) each."""
-        empty, none = np.zeros((system.n, 0)), np.zeros((0, 0))
-        return cls(system, b, c, empty, empty, empty, none, none).extended(v, w)
+    def empty(cls, system: DescriptorSystem) -> Bases:
+        """No columns yet.
+
+        Where inputs act alike, or outputs are alike, fewer stand for them: B = B^ Q with the rows of
+        Q orthonormal, and the same for C. Norms of the transfer matrix do not change.
+        """
+        v, gram = np.zeros((system.n, 0)), np.zeros((0, 0))
+        b, c = _independent(system.b), _independent(system.c.T).T
+        wb, cv = np.zeros((0, b.shape[1])), np.zeros((len(c), 0))
+        return cls(system, b, c, v, v, v, gram, gram, wb, cv)
+
+    def seen(self, b: Matrix, c: Matrix) -> Bases:
+        """The same for other inputs and outputs."""
+        return replace(self, b=b, c=c, wb=self.w.T @ b, cv=c @ self.v)
 
     @property
     def k(self) -> int:
@@ -77,7 +93,9 @@ class Bases:
         )
         gram = np.vstack([np.hstack([self.gram, self.w.T @ new_v]), new_w.T @ v])
         middle = np.vstack([np.hstack([self.middle, self.w.T @ new_av]), new_w.T @ av])
-        found = replace(self, v=v, w=w, av=av, gram=gram, middle=middle)
+        wb = np.vstack([self.wb, new_w.T @ self.b])
+        cv = np.hstack([self.cv, self.c @ new_v])
+        found = replace(self, v=v, w=w, av=av, gram=gram, middle=middle, wb=wb, cv=cv)
         return found if _well_conditioned(gram) else found.united()
 
     def united(self) -> Bases:
@@ -87,14 +105,13 @@ class Bases:
         """
         q = np.hstack([self.v, _outside(self.v, self.w)])
         aq = np.hstack([self.av, self.system.apply(q[:, self.k :])])
-        return replace(self, v=q, w=q, av=aq, gram=q.T @ q, middle=q.T @ aq)
+        found = replace(self, v=q, w=q, av=aq, gram=q.T @ q, middle=q.T @ aq)
+        return found.seen(self.b, self.c)
 
     def transfer(self, s: complex) -> ComplexMatrix:
         """Transfer matrix of the projected system at `s`, shape (p, m)."""
-        if self.k == 0:
-            return np.zeros((len(self.c), self.b.shape[1]), dtype=np.complex128)
-        states = np.linalg.solve(s * self.gram - self.middle, self.w.T @ self.b)
-        return np.asarray((self.c @ self.v) @ states)
+        states = np.linalg.solve(s * self.gram - self.middle, self.wb)
+        return np.asarray(self.cv @ states, dtype=np.complex128)
 
     def restrict(self) -> Matrix:
         """(W^T V)^-1 W^T, shape (k, n)."""
@@ -102,10 +119,10 @@ class Bases:
 
     def reduced(self) -> LinearSystem:
         """The projected system."""
-        if self.k == 0:
-            return LinearSystem(self.gram, np.zeros((0, self.b.shape[1])), np.zeros((len(self.c), 0)))
-        both = np.linalg.solve(self.gram, np.hstack([self.middle, self.w.T @ self.b]))
-        return LinearSystem(both[:, : self.k], both[:, self.k :], self.c @ self.v)
+        both: Matrix = np.asarray(
+            np.linalg.solve(self.gram, np.hstack([self.middle, self.wb])), dtype=np.float64
+        )
+        return LinearSystem(both[:, : self.k], both[:, self.k :], self.cv)
 
 
 def real_columns(x: ComplexMatrix) -> Matrix:
@@ -115,15 +132,23 @@ def real_columns(x: ComplexMatrix) -> Matrix:
     return np.asarray(both[:, sizes > 0] / sizes[sizes > 0])
 
 
+def _independent(b: Matrix) -> Matrix:
+    """Columns B^ with B B^T = B^ B^^T, no more than the rank of `b`."""
+    left, sizes, _ = np.linalg.svd(b, full_matrices=False)
+    rank = int(
+        np.count_nonzero(sizes > len(sizes) * np.finfo(np.float64).eps * sizes.max(initial=0))
+    )
+    return np.asarray(left[:, :rank] * sizes[:rank])
+
+
 def _outside(basis: Matrix, x: Matrix) -> Matrix:
     """Orthonormal columns for the part of `x` outside `basis`, the largest first."""
     rest = x - basis @ (basis.T @ x)
     q, r = np.linalg.qr(rest)
     left, sizes, _ = np.linalg.svd(r)
     new = q @ left[:, : len(sizes)][:, sizes > _NEW]
-    for _ in range(2):  # what is left of the basis by rounding has been made large
-        new = np.linalg.qr(new - basis @ (basis.T @ new))[0]
-    return np.asarray(new)
+    # What rounding has left of the basis has been made large.
+    return np.asarray(np.linalg.qr(new - basis @ (basis.T @ new))[0])
 
 
 def _well_conditioned(matrix: Matrix) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,10 @@ _FIRST = (1e-3, 1e-2, 0.08, 0.3, 1.0)
 _LOWEST, _HIGHEST, _GRID = 1e-5, 10.0, 240
 
 #: Samples a round; of those, the poles nearest the axis count as peaks by this part of their modulus.
-_BATCH, _NEAR_AXIS = 6, 0.2
+_BATCH, _NEAR_AXIS = 8, 0.2
+
+#: Relative distance of samples: what is nearer than that has been seen already.
+_APART = 0.02
 
 #: Random directions of inputs and outputs in which models are compared.
 _DIRECTIONS = 5
@@ -34,11 +37,14 @@ class Spectrum:
         Columns r_i.
     left : ndarray of complex, shape (k, m)
         Rows l_i.
+    vectors : ndarray of complex, shape (k, k)
+        Right eigenvectors of A.
     """
 
     values: NDArray[np.complex128]
     right: ComplexMatrix
     left: ComplexMatrix
+    vectors: ComplexMatrix
 
     @classmethod
     def of(cls, system: LinearSystem) -> Spectrum:
@@ -48,14 +54,14 @@ class Spectrum:
             left = np.linalg.solve(vectors, system.b.astype(np.complex128))
         except np.linalg.LinAlgError:
             left = np.linalg.lstsq(vectors, system.b.astype(np.complex128), rcond=None)[0]
-        return cls(values.astype(np.complex128), system.c @ vectors, left)
+        return cls(values.astype(np.complex128), system.c @ vectors, left, vectors)
 
     def sketched(self) -> Spectrum:
         """The same seen in a few random directions of outputs and inputs."""
         rng = np.random.default_rng(0)
         outputs = rng.normal(size=(_DIRECTIONS, len(self.right)))
         inputs = rng.normal(size=(self.left.shape[1], _DIRECTIONS))
-        return Spectrum(self.values, outputs @ self.right, self.left @ inputs)
+        return replace(self, right=outputs @ self.right, left=self.left @ inputs)
 
     def response(self, omega: Matrix) -> ComplexMatrix:
         """The transfer matrix at j omega in rad/s, shape (len(omega), p, m)."""
@@ -75,9 +81,10 @@ def first_points(radius: float) -> Matrix:
     return np.asarray(_FIRST) * (radius or 1.0)
 
 
-def next_points(now: Spectrum, before: Spectrum, radius: float) -> Matrix:
-    """Frequencies in rad/s where the models `now` and `before` differ most, some apart."""
+def next_points(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float) -> Matrix:
+    """Frequencies in rad/s where the models `now` and `before` differ most, apart from `sampled`."""
     omega = _grid(now, radius)
+    omega = omega[(np.abs(omega[:, None] / sampled - 1) > _APART).all(axis=1)]
     gap = now.sketched().response(omega) - before.sketched().response(omega)
     height = np.nan_to_num(np.linalg.norm(gap, axis=(1, 2)))
     around = np.concatenate([[-1.0], height, [-1.0]])

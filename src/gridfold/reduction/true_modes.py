@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from gridfold.numerics.spectral_split import InvariantPart
-from gridfold.reduction.petrov import Bases, real_columns
+from gridfold.reduction.petrov import Bases
+from gridfold.reduction.sampling import Spectrum
 from gridfold.systems.descriptor import DescriptorSystem
 
 Matrix = NDArray[np.float64]
@@ -53,36 +53,37 @@ def refined(
 
 
 def deflated(bases: Bases, exact: InvariantPart) -> Bases:
-    """The bases without the part `exact`, and for inputs and outputs without it."""
-    system = bases.system
-    b = system.b - exact.lift @ (exact.restrict @ system.b)
-    c = system.c - (system.c @ exact.lift) @ exact.restrict
-    v = bases.v - exact.lift @ (exact.restrict @ bases.v)
-    w = bases.w - exact.restrict.T @ (exact.lift.T @ bases.w)
-    return Bases.of(system, b, c, v, w)
+    """The bases with the part `exact` in them, for inputs and outputs without it.
+
+    The projection has these modes exactly then, and they have no share in its transfer matrix.
+    """
+    b = bases.b - exact.lift @ (exact.restrict @ bases.b)
+    c = bases.c - (bases.c @ exact.lift) @ exact.restrict
+    dual = exact.restrict.T
+    duals = dual / np.linalg.norm(dual, axis=0)
+    return bases.extended(exact.lift, duals).seen(b, c)
 
 
-def stable_rest(bases: Bases, limit: float) -> InvariantPart:
-    """The projected system without its poles at `limit` and beyond, which are none of the whole.
+def stable_rest(bases: Bases, spectrum: Spectrum, limit: float) -> InvariantPart:
+    """The projected system without its poles at `limit` and beyond.
 
-    With their left eigenvectors L, the rest lives in the null space of L^T.
+    These are either those of the exact part or of no meaning. With their right and left
+    eigenvectors R and L, the rest lives in the null space of L^T, along R.
     """
     a, restrict = bases.reduced().a, bases.restrict()
-    values, vectors = np.linalg.eig(a.T)
-    wrong = vectors[:, (values.real >= limit) & (values.imag >= 0)]
-    if wrong.shape[1] == 0:
+    wrong = np.flatnonzero((spectrum.values.real >= limit) & (spectrum.values.imag >= 0))
+    if len(wrong) == 0:
         return InvariantPart(a, bases.v, restrict)
-    left = real_columns(wrong)
-    count = left.shape[1]
-    q = np.linalg.qr(left, mode="complete")[0]
-    rest, normal = q[:, count:], q[:, :count]
-    # In the basis q A is lower block-triangular; its first block has the wrong poles.
-    own, coupling = normal.T @ a @ normal, rest.T @ a @ normal
-    matrix = rest.T @ a @ rest
-    x = linalg.solve_sylvester(matrix, -own, -coupling)
-    # Columns normal + rest x span the invariant subspace of the wrong poles.
-    inner = rest.T - x @ normal.T
-    return InvariantPart(matrix, bases.v @ rest, inner @ restrict)
+    unit = np.zeros((len(a), len(wrong)), dtype=np.complex128)
+    unit[wrong, np.arange(len(wrong))] = 1.0
+    pairs = spectrum.values[wrong].imag > 0
+    left, right = (
+        np.hstack([x.real, x.imag[:, pairs]])
+        for x in (np.linalg.solve(spectrum.vectors.T, unit), spectrum.vectors[:, wrong])
+    )
+    rest = np.linalg.qr(left, mode="complete")[0][:, left.shape[1] :]
+    inner = rest.T - (rest.T @ right) @ np.linalg.solve(left.T @ right, left.T)
+    return InvariantPart(inner @ a @ rest, bases.v @ rest, inner @ restrict)
 
 
 def _groups(values: NDArray[np.complex128], radius: float) -> list[NDArray[np.complex128]]:
@@ -113,18 +114,16 @@ def _joined(
     except np.linalg.LinAlgError:
         return exact
     residual = np.linalg.norm(applied - right @ matrix)
-    values = np.linalg.eigvals(matrix)
+    values = np.linalg.eigvals(matrix).astype(np.complex128)
     if residual > _RESIDUAL * system.radius or (values.real < limit).any():
         return exact
     lift = np.hstack([exact.lift, _real_basis(right, values, system.radius)])
     dual = np.hstack([exact.restrict.T, _real_basis(left, values, system.radius)])
-    restrict = np.linalg.solve(dual.T @ lift, dual.T)
+    restrict = np.asarray(np.linalg.solve(dual.T @ lift, dual.T), dtype=np.float64)
     return InvariantPart(restrict @ system.apply(lift), lift, restrict)
 
 
-def _real_basis(
-    x: ComplexMatrix, values: NDArray[np.complex128], radius: float
-) -> Matrix:
+def _real_basis(x: ComplexMatrix, values: NDArray[np.complex128], radius: float) -> Matrix:
     """Orthonormal real basis of the subspace of `x`, or of it and its conjugate for pairs."""
     both = np.hstack([x.real, x.imag])
     count = x.shape[1] * (2 if np.abs(values.imag).max() > _TOGETHER * radius else 1)

@@ -91,11 +91,11 @@ class DescriptorSystem:
     @property
     def b(self) -> Matrix:
         """B, shape (n, m)."""
-        return self.b1 - self.a12 @ self._algebraic(self.b2)
+        return np.asarray(self.b1 - self.a12 @ self._algebraic(self.b2))
 
     def apply(self, x: Matrix) -> Matrix:
         """A x for the columns of `x`, shape (n, j): shape (n, j)."""
-        return self.a11 @ x - self.a12 @ self._algebraic(self.a21 @ x)
+        return np.asarray(self.a11 @ x - self.a12 @ self._algebraic(self.a21 @ x))
 
     @property
     def d(self) -> Matrix:
