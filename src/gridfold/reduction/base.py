@@ -18,6 +18,10 @@ from gridfold.systems.statemap import StateMap
 
 Matrix = NDArray[np.float64]
 
+#: Error of the transfer matrix of a compressed system, in parts of its size: Hankel singular values
+#: are right to some 1e-9 of the first.
+_COMPRESSION = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
@@ -73,7 +77,7 @@ class Parts:
     def of(cls, system: LinearSystem | DescriptorSystem) -> Parts:
         """Split `system`; of a large one the stable part is compressed."""
         if isinstance(system, DescriptorSystem):
-            found = compress(system)
+            found = compress(system, _COMPRESSION)
             return cls(system, found.unstable, found.stable)
         return cls(system, *split_spectrum(system.a))
 
