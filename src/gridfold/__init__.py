@@ -7,7 +7,7 @@
 <Status.COMPLETED: 'completed'>
 """
 
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
@@ -17,6 +17,9 @@ from gridfold.equivalents.compare import Comparison, compare
 from gridfold.equivalents.error_budget import error_budget
 from gridfold.equivalents.families import reduce_external as reduce
 from gridfold.equivalents.families import whole_system
+from gridfold.equivalents.folded import fold
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import (
@@ -107,6 +110,7 @@ __all__ = [
     "GridfoldError",
     "ImplicitTrapezoidal",
     "InitializationError",
+    "Ladder",
     "Load",
     "LoadModel",
     "LoadStep",
@@ -117,7 +121,6 @@ __all__ = [
     "OnLimit",
     "OptionError",
     "OutputError",
-    "Outputs",
     "Partition",
     "PowerFlowError",
     "PowerFlowResult",
@@ -136,6 +139,7 @@ __all__ = [
     "Trajectory",
     "UnitKey",
     "Unreduced",
+    "Weights",
     "Workers",
     "__version__",
     "build_model",
@@ -146,6 +150,7 @@ __all__ = [
     "critical_clearing_time",
     "critical_clearing_times",
     "error_budget",
+    "fold",
     "load_case",
     "load_events",
     "load_psse",

@@ -144,7 +144,9 @@ def test_the_scan_finds_external_machines_whose_exciters_reach_limits():
 
 def test_a_ladder_is_climbed_where_a_rung_that_is_linear_throughout_is_at_a_limit():
     parts, events = parts_of(), [gf.BusFault(21, duration=0.1)]
-    ladder = gf.SmallModels(Ladder(fold(parts, parts.external_units[:2]), fold(parts)))
+    ladder = gf.SmallModels(
+        Ladder((fold(parts, parts.external_units[:2]), fold(parts)), whole=True)
+    )
     rule = gf.SwitchingRule(10.0, whole_deg=3.0, dwell=0.5)
     run = gf.simulate_adaptive(parts.model, ladder, rule, events, T_END)
     climbed = [switch for switch in run.switches if "reached" in switch.reason]

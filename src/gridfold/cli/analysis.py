@@ -15,6 +15,7 @@ from gridfold.cli.console import (
     out,
     say_basis,
     say_method,
+    say_model,
     speaks_to_people,
     stage_bars,
     write_json_option,
@@ -26,6 +27,7 @@ from gridfold.cli.options import (
     WorkersOption,
     run_option,
 )
+from gridfold.equivalents.auto import Work
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import parse_numbers
 from gridfold.report.plots import plot_eigenvalues
@@ -45,7 +47,6 @@ from gridfold.report.tables import (
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, area_ties
 from gridfold.runs.clearing_time import ClearingTime, critical_clearing_times
-from gridfold.runs.simulate import simulate
 from gridfold.runs.small_signal import SmallSignal, small_signal
 
 
@@ -174,6 +175,10 @@ def eigenvalues(
         say_basis(basis)
 
 
+#: Runs that a critical clearing time takes, roughly.
+_RUNS_PER_FAULT = 8
+
+
 def cct(
     source: CaseOptions,
     buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
@@ -195,7 +200,8 @@ def cct(
     grid = source.build()
     basis = basis_of(grid)
     method = runs.choose(grid)
-    simulator = choice.build(grid, source.case) or simulate
+    steps = round(runs.t_end / method.stepper.step)
+    simulator = choice.build(grid, source.case, Work(_RUNS_PER_FAULT * len(faults), steps))
     with stage_bars() as bars:
         times = critical_clearing_times(
             grid,
@@ -209,8 +215,8 @@ def cct(
             criterion=criterion,
             simulator=simulator,
         )
-    name = choice.model.value
-    told = {"model": name} | method.record() | basis.record()
+    name = simulator.kind.value
+    told = {"model": name, "model_reason": simulator.reason} | method.record() | basis.record()
     write_json_option(json, [_clearing_record(item) | told for item in times])
     if speaks_to_people(json):
         out.print(clearing_table(times))
@@ -219,6 +225,7 @@ def cct(
         )
         say_basis(basis)
         say_method(method.reason)
+        say_model(name, simulator.reason)
 
 
 def _clearing_record(item: ClearingTime) -> dict[str, Any]:

@@ -23,14 +23,14 @@ from gridfold.cli.option_groups import given, refuse
 from gridfold.cli.options import (
     AngleNormOptions,
     AreaOptions,
-    BoundaryOptions,
     CaseOptions,
+    CouplingOptions,
     JsonOption,
     ReductionOptions,
     RunOptions,
     WorkersOption,
 )
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.calibrate import Calibration, Threshold, ThresholdKind
 from gridfold.equivalents.calibrate import calibrate as run_calibration
@@ -61,7 +61,7 @@ def calibrate(
     source: CaseOptions,
     area: AreaOptions,
     runs: RunOptions,
-    boundary: BoundaryOptions,
+    boundary: CouplingOptions,
     norm: AngleNormOptions,
     reduction: ReductionOptions,
     buses: Annotated[
@@ -92,7 +92,8 @@ def calibrate(
     what = [_KINDS[choice] for choice in threshold or ThresholdChoice]
     if set(what) == {ThresholdKind.WHOLE}:
         refuse(given(boundary) + given(reduction), "the threshold of the whole system")
-    reducer = reduction.build()
+    refuse(["--weights"] if reduction.weights else [], "the models of the paper")
+    reducer = reduction.settings.build(ported=False)
     events = [parse_event(text) for text in event or []]
     faulted = None if buses is None else parse_numbers(buses)
     model = source.build()
@@ -113,7 +114,6 @@ def calibrate(
             criterion=runs.criterion,
             workers=workers,
             on_progress=lambda step: bars.show(*step),
-            outputs=boundary.outputs or Outputs.STATES,
             coupling=boundary.coupling or BoundaryCoupling.EXACT,
         )
     write_json_option(json, _record(parts, result, reducer) | method.record())
@@ -227,7 +227,6 @@ def _record(parts: Partition, result: Calibration, reducer: Reducer) -> dict[str
         "limit_deg": result.limit_deg,
         "column_norm": result.column_norm,
         "coupling": result.boundary.value,
-        "outputs": result.outputs.value,
         "reducer": reducer_record(reducer),
         "kept": [str(unit) for unit in result.kept],
         "thresholds": thresholds,

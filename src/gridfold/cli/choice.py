@@ -5,38 +5,37 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, isclose
+from math import isclose
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from gridfold.cli.option_groups import given, refuse
 from gridfold.cli.options import (
     AreaOptions,
     BoundaryOptions,
-    NormOptions,
     ReductionOptions,
+    RetainOptions,
     SwitchingOptions,
     model_option,
 )
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import AdaptiveRun, simulate_adaptive
+from gridfold.equivalents.auto import Work, choose_model
+from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.error_budget import ErrorBudget, error_budget
-from gridfold.equivalents.families import (
-    ReducedExternal,
-    WholeSystem,
-    reduce_external,
-    whole_system,
-)
-from gridfold.equivalents.model_kind import ANGLES_DEG, LONGEST_ABOVE, ModelKind, ReducerKind
+from gridfold.equivalents.families import ReducedExternal
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import STUDY_AREAS, ModelKind, ReducerKind
 from gridfold.equivalents.saved import SavedReduction, load_reduced, reducer_record
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
 from gridfold.grid.number_ranges import as_ranges
 from gridfold.numerics.steppers import Stepper
-from gridfold.partition import Partition, couple, partition
+from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation
-from gridfold.runs.simulate import ModelStore
+from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory, UsedModel
 
@@ -48,40 +47,40 @@ _REDUCERS = {
 
 @dataclass(frozen=True)
 class ExternalOptions:
-    """The external area: which it is, and how it is reduced."""
+    """The external area: which it is, what of it stays nonlinear, and how it is reduced."""
 
     area: AreaOptions
-    norm: NormOptions
+    retain: RetainOptions
     reduction: ReductionOptions
 
-    def reduce(self, model: DetailedModel, source: str) -> SavedReduction:
-        """Reduce it, for `model` of the case from `source`."""
-        reducer = self.reduction.build()
-        parts = partition(model, self.area.find(model.case, source))
-        norm = self.norm.per_unit(couple(parts))
-        return SavedReduction(reduce_external(parts, reducer, norm), norm)
+    def settings(self, kind: ModelKind, parts: Partition) -> ModelSettings:
+        """A model of `kind` with these options."""
+        return ModelSettings(kind, self.retain.settings(parts), self.reduction.settings)
 
-    def load(self, path: Path, model: DetailedModel) -> SavedReduction:
-        """The file's content; what is also given on the command line has to agree with it."""
-        saved = load_reduced(path, model)
-        reducer = reducer_record(saved.family.reducer)
-        kind = self.reduction.reducer
-        buses = saved.family.parts.study_buses
-        asked = self.area.find(model.case, "") if given(self.area) else buses
-        norm = self.norm.given(saved.family.coupling)
-        if norm is not None and isclose(norm, saved.column_norm):
+    def divide(self, model: DetailedModel, source: str) -> Partition:
+        """Study and external area of `model` of the case from `source`."""
+        return partition(model, self.area.find(model.case, source))
+
+    def check(self, saved: SavedReduction, path: Path) -> None:
+        """What is given on the command line has to agree with the file."""
+        family, parts = saved.family, saved.family.parts
+        reducer = family.areas[0].reducer if isinstance(family, Ladder) else family.reducer
+        record = reducer_record(reducer)
+        asked = self.area.find(parts.model.case, "") if given(self.area) else parts.study_buses
+        norm = self.retain.norm(parts)
+        if norm is not None and saved.column_norm is not None and isclose(norm, saved.column_norm):
             norm = saved.column_norm
+        kind = self.reduction.reducer
         for name, wanted, there in (
-            ("study buses", as_ranges(asked), as_ranges(buses)),
+            ("study buses", as_ranges(asked), as_ranges(parts.study_buses)),
             ("column norm", norm, saved.column_norm),
-            ("reducer", kind and kind.value, _REDUCERS[reducer["name"]].value),
-            ("order", self.reduction.order, reducer.get("order")),
-            ("tolerance", self.reduction.tolerance, reducer.get("tolerance")),
-            ("slow modes", self.reduction.slow_modes, reducer.get("slow_modes")),
+            ("reducer", kind and kind.value, _REDUCERS[record["name"]].value),
+            ("order", self.reduction.order, record.get("order")),
+            ("tolerance", self.reduction.tolerance, record.get("tolerance")),
+            ("slow modes", self.reduction.slow_modes, record.get("slow_modes")),
         ):
             if wanted is not None and wanted != there:
                 raise OptionError(f"{path}: the file is for {name} {there}, not {wanted}")
-        return saved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,10 +90,12 @@ class ModelChoice:
     model: Annotated[
         ModelKind,
         model_option(
-            help="The detailed model; the external area linear, projected (all its functions as "
-            "they are), hybrid, or adaptive; whole: adaptive without partition."
+            help="The detailed model; the external area linear; near machines retained; adaptive: "
+            "these by the size of the swing; whole: adaptive without the linear area; auto: adaptive "
+            "where that is cheaper, else detailed. As in the paper: hybrid, projected, paper, "
+            "paper-whole."
         ),
-    ] = ModelKind.DETAILED
+    ] = ModelKind.AUTO
     reduced: Annotated[
         Path | None, model_option(help="Reduced external area from gridfold reduce.")
     ] = None
@@ -107,107 +108,104 @@ class ModelChoice:
 
     def _unused(self) -> list[str]:
         """Options that are given and have no effect on the model."""
-        if self.partitioned:
-            names = [] if self.model is ModelKind.ADAPTIVE else given(self.switching)
-            # The projected model has no linear machines that could act by polar outputs.
-            projected = self.model is ModelKind.PROJECTED and self.boundary.outputs is not None
-            return [*names, "--outputs"] if projected else names
-        names = given(self.boundary) + ([] if self.reduced is None else ["--reduced"])
-        if self.model is ModelKind.WHOLE:
-            return names + given(self.external.reduction)
-        return names + given(self.external) + given(self.switching)
-
-    @property
-    def partitioned(self) -> bool:
-        """Whether its external area is reduced."""
-        return self.model not in (ModelKind.DETAILED, ModelKind.WHOLE)
-
-    def build(self, model: DetailedModel, source: str) -> ReducedSimulator | None:
-        """What simulates it, for `model` of the case from `source`; None for the detailed model."""
+        if self.model is ModelKind.AUTO:
+            return given(self.boundary) + ([] if self.reduced is None else ["--reduced"])
         if self.model is ModelKind.DETAILED:
-            return None
+            names = given(self.boundary) + ([] if self.reduced is None else ["--reduced"])
+            external = given(self.external.retain) + given(self.external.reduction)
+            return names + external + given(self.switching)
+        unused = self.switching.unused(self.model)
+        if self.model is ModelKind.PAPER_WHOLE:
+            unused += given(self.boundary) + ([] if self.reduced is None else ["--reduced"])
+            unused += given(self.external.reduction)
+        if self.model is ModelKind.LINEAR:
+            unused += given(self.external.retain)
+        return unused
+
+    def build(self, model: DetailedModel, source: str, work: Work) -> Simulator:
+        """What simulates `work`, for `model` of the case from `source`."""
+        if self.model is ModelKind.AUTO:
+            return self._automatic(model, source, work)
+        if self.model is ModelKind.DETAILED:
+            unused = given(self.external.area)
+            why = f"{unused[0]} has no effect on the detailed model" if unused else None
+            return Simulator(ModelKind.DETAILED, reason=why)
         began = time.perf_counter()
-        rule = self._rule()
-        family: ReducedExternal | WholeSystem
-        if self.model is ModelKind.WHOLE:
-            parts = partition(model, self.external.area.find(model.case, source))
-            norm = self.external.norm.per_unit(couple(parts))
-            family = whole_system(parts, norm)
-            settings = model_settings(parts, norm, family.kept) | _rule_record(rule)
+        if self.reduced is not None:
+            saved = load_reduced(self.reduced, model)
+            self.external.check(saved, self.reduced)
+            settings = self._settings(saved.family.parts, saved.column_norm)
+            family = settings.adopt(saved.family)
         else:
-            family, norm = self._reduce(model, source)
-            settings = self._settings(family, norm, rule)
-        used = UsedModel(self.model.value, settings)
-        seconds = time.perf_counter() - began
-        return ReducedSimulator(family, SmallModels(family), rule, used, seconds)
+            parts = self.external.divide(model, source)
+            settings = self._settings(parts)
+            family = settings.build(parts)
+        return Simulator.of(settings, family, time.perf_counter() - began)
 
-    def _reduce(self, model: DetailedModel, source: str) -> SavedReduction:
-        """The reduced external area, from the file if one is given."""
-        if self.reduced is None:
-            family, norm = self.external.reduce(model, source)
-        else:
-            family, norm = self.external.load(self.reduced, model)
-        if self.model is ModelKind.PROJECTED:
-            family = replace(family, kept=family.parts.external_units)
-        return SavedReduction(self.boundary.applied(family), norm)
+    def _automatic(self, model: DetailedModel, source: str, work: Work) -> Simulator:
+        began = time.perf_counter()
+        known = given(self.external.area) or source in STUDY_AREAS
+        parts = self.external.divide(model, source) if known else None
+        settings = ModelSettings(ModelKind.ADAPTIVE)
+        if parts is not None:
+            settings = replace(self._settings(parts), kind=ModelKind.ADAPTIVE)
+        chosen = choose_model(settings, model, parts, work)
+        if chosen.family is None:
+            return Simulator(ModelKind.DETAILED, reason=chosen.reason)
+        simulator = Simulator.of(settings, chosen.family, time.perf_counter() - began)
+        return replace(simulator, reason=chosen.reason)
 
-    def _rule(self) -> SwitchingRule:
-        if self.model is ModelKind.LINEAR:
-            return SwitchingRule(inf)
-        if self.model not in ANGLES_DEG:
-            return SwitchingRule(0.0)
-        angle, longest = self.switching.angle_deg, self.switching.longest_above
-        return SwitchingRule(
-            ANGLES_DEG[self.model] if angle is None else angle,
-            LONGEST_ABOVE if longest is None else longest,
+    def _settings(self, parts: Partition, norm: float | None = None) -> ModelSettings:
+        settings = self.external.settings(self.model, parts)
+        if norm is not None:
+            settings = replace(settings, retain=replace(settings.retain, column_norm=norm))
+        return replace(
+            settings,
+            outputs=self.boundary.outputs,
+            coupling=self.boundary.coupling,
+            angle_deg=self.switching.angle_deg,
+            whole_deg=self.switching.whole_deg,
+            longest_above=self.switching.longest_above,
         )
-
-    def _settings(
-        self, family: ReducedExternal, norm: float, rule: SwitchingRule
-    ) -> dict[str, Any]:
-        settings = model_settings(family.parts, norm, family.kept)
-        if self.model is not ModelKind.HYBRID and self.model is not ModelKind.ADAPTIVE:
-            del settings["column_norm"]
-        if self.model is ModelKind.LINEAR:
-            settings["kept"] = []
-        if self.model is ModelKind.ADAPTIVE:
-            settings |= _rule_record(rule)
-        return settings | {
-            "coupling": family.boundary.value,
-            "outputs": family.outputs.value,
-            "reducer": reducer_record(family.reducer),
-            "order": family.reduction.order,
-            "bound": family.reduction.bound,
-        }
-
-
-def model_settings(parts: Partition, norm: float, kept: Sequence[object]) -> dict[str, Any]:
-    """What a model is about, ready for JSON."""
-    return {
-        "study_buses": as_ranges(parts.study_buses),
-        "column_norm": norm,
-        "kept": [str(unit) for unit in kept],
-    }
-
-
-def _rule_record(rule: SwitchingRule) -> dict[str, Any]:
-    angle = None if rule.angle_deg == inf else rule.angle_deg
-    longest = None if rule.longest_above == inf else rule.longest_above
-    return {"angle_deg": angle, "longest_above": longest}
 
 
 @dataclass(frozen=True)
-class ReducedSimulator:
-    """Simulates disturbances on one reduced model.
+class Simulator:
+    """Simulates disturbances on one model.
 
-    `seconds` were spent on building it, `used` is what the results say about it.
+    Parameters
+    ----------
+    kind : ModelKind
+        Which it is.
+    settings : ModelSettings, optional
+        Its options, unless it is the detailed one.
+    small : SmallModels, optional
+        Its small models.
+    used : UsedModel, optional
+        What the results say about it.
+    seconds : float
+        Time spent on building it.
+    reason : str, optional
+        Why it was chosen.
     """
 
-    family: ReducedExternal | WholeSystem
-    small: SmallModels
-    rule: SwitchingRule
-    used: UsedModel
-    seconds: float
+    kind: ModelKind
+    settings: ModelSettings | None = None
+    small: SmallModels | None = None
+    used: UsedModel | None = None
+    seconds: float = 0.0
+    reason: str | None = None
+
+    @classmethod
+    def of(cls, settings: ModelSettings, family: Family, seconds: float) -> Simulator:
+        """The reduced model with `settings`."""
+        used = UsedModel(settings.kind.value, settings.record(family))
+        return cls(settings.kind, settings, SmallModels(family), used, seconds)
+
+    @property
+    def study_units(self) -> Sequence[UnitKey]:
+        """Machines of the study area; none are known of the detailed model."""
+        return () if self.small is None else self.small.family.study_units
 
     def run(
         self,
@@ -219,16 +217,18 @@ class ReducedSimulator:
         store: ModelStore | None = None,
     ) -> AdaptiveRun:
         """Simulate; arguments as in :func:`gridfold.simulate`."""
-        run = simulate_adaptive(
-            model, self.small, self.rule, events, t_end, stepper, criterion, store
-        )
+        if self.small is None or self.settings is None:
+            return AdaptiveRun(simulate(model, events, t_end, stepper, criterion, store), (), 0.0)
+        rule = self.settings.rule
+        run = simulate_adaptive(model, self.small, rule, events, t_end, stepper, criterion, store)
         return replace(run, trajectory=replace(run.trajectory, used_model=self.used))
 
     def budget(self, events: Sequence[Event], t_end: float, stepper: Stepper) -> ErrorBudget:
         """The error by its causes."""
-        if isinstance(self.family, WholeSystem):
+        family = None if self.small is None else self.small.family
+        if self.settings is None or not isinstance(family, Ladder | ReducedExternal):
             raise OptionError("an error budget needs a reduced external area")
-        return error_budget(self.family, self.rule, events, t_end, stepper)
+        return error_budget(family, self.settings.rule, events, t_end, stepper)
 
     def __call__(
         self,

@@ -69,6 +69,12 @@ def say_method(reason: str) -> None:
     out.print(f"Method {reason}", style="dim", markup=False, highlight=False)
 
 
+def say_model(name: str, reason: str | None) -> None:
+    """Tell which model was chosen, and why; nothing where the user chose it."""
+    if reason is not None:
+        out.print(f"Model {name}: {reason}", style="dim", markup=False, highlight=False)
+
+
 def say_basis(basis: Basis) -> None:
     """Tell what a result rests on beside the data, and whether that is validated."""
     out.print(facts_table(basis_facts(basis)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -10,18 +10,25 @@ from typing import Annotated
 
 import typer
 
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.cli.option_groups import given
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
-from gridfold.equivalents.families import COLUMN_NORM, ReducedExternal
-from gridfold.equivalents.model_kind import STUDY_AREAS, ReducerKind
+from gridfold.equivalents.choice import ReductionSettings, RetainSettings
+from gridfold.equivalents.families import COLUMN_NORM
+from gridfold.equivalents.model_kind import (
+    STUDY_AREAS,
+    ModelKind,
+    Outputs,
+    ReducerKind,
+    Weights,
+)
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.number_ranges import parse_numbers
-from gridfold.partition import Coupling, study_buses
-from gridfold.reduction import Reducer
+from gridfold.partition import Coupling, Partition, couple, study_buses
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
 from gridfold.runs.loading import is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
@@ -214,6 +221,34 @@ class NormOptions:
 
 
 @dataclass(frozen=True)
+class RetainOptions:
+    """Which external machines stay nonlinear."""
+
+    norms: NormOptions
+    retain_buses: Annotated[
+        str | None,
+        _reduction_option(help="Buses whose external machines are retained, instead of a norm."),
+    ] = None
+    retain: Annotated[
+        int | None,
+        _reduction_option(
+            min=0,
+            help="How many external machines are retained: those whose linearization matters most.",
+        ),
+    ] = None
+
+    def norm(self, parts: Partition) -> float | None:
+        """The column norm in per unit; None if there is none."""
+        return self.norms.given(couple(parts))
+
+    def settings(self, parts: Partition) -> RetainSettings:
+        """The same for the machines of `parts`."""
+        buses = self.retain_buses
+        chosen = None if buses is None else tuple(parse_numbers(buses, "--retain-buses"))
+        return RetainSettings(self.norm(parts), chosen, self.retain)
+
+
+@dataclass(frozen=True)
 class AngleNormOptions(NormOptions):
     """The threshold of the column norm with which angles are calibrated."""
 
@@ -237,7 +272,9 @@ class ReductionOptions:
     ] = None
     tolerance: Annotated[
         float | None,
-        _reduction_option(help="Bound of the balanced truncation's error.", show_default="1e-5"),
+        _reduction_option(
+            help="Bound of the balanced truncation's error.", show_default="2e-3; paper 1e-5"
+        ),
     ] = None
     order: Annotated[
         int | None,
@@ -251,15 +288,25 @@ class ReductionOptions:
         ),
     ] = None
 
-    def build(self) -> Reducer:
-        """The reducer."""
-        kind = self.reducer or ReducerKind.BALANCED
-        return kind.build(self.tolerance, self.order, self.slow_modes)
+    weights: Annotated[
+        Weights | None,
+        _reduction_option(
+            help="What is balanced: voltages caused at the interface, or all states alike.",
+            show_default="interface; paper states",
+        ),
+    ] = None
+
+    @property
+    def settings(self) -> ReductionSettings:
+        """The same, apart from the command line."""
+        return ReductionSettings(
+            self.reducer, self.tolerance, self.order, self.slow_modes, self.weights
+        )
 
 
 @dataclass(frozen=True)
-class BoundaryOptions:
-    """How the areas act on each other: choices of the run, whatever the reduction."""
+class CouplingOptions:
+    """How the areas know each other's boundary voltages."""
 
     coupling: Annotated[
         BoundaryCoupling | None,
@@ -268,26 +315,20 @@ class BoundaryOptions:
             show_default="exact",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class BoundaryOptions(CouplingOptions):
+    """How the areas act on each other."""
+
     outputs: Annotated[
         Outputs | None,
         model_option(
-            help="External machines act by their states, or by voltages linear in logarithm and "
-            "angle: faster.",
-            show_default="states",
+            help="External machines act through ports, whose currents are linear in logarithm and "
+            "angle, or by their states as in the paper.",
+            show_default="polar; paper states",
         ),
     ] = None
-
-    def __post_init__(self) -> None:
-        if (self.coupling, self.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
-            raise OptionError("--coupling lagged needs --outputs states")
-
-    def applied(self, family: ReducedExternal) -> ReducedExternal:
-        """The same external area with what is given here."""
-        return replace(
-            family,
-            boundary=self.coupling or family.boundary,
-            outputs=self.outputs or family.outputs,
-        )
 
 
 @dataclass(frozen=True)
@@ -297,8 +338,15 @@ class SwitchingOptions:
     angle_deg: Annotated[
         float | None,
         _switching_option(
-            help="Angle deviation (deg) above which the hybrid model is used.",
+            help="Angle deviation (deg) above which the most exact reduced model is used.",
             show_default="67; whole 6",
+        ),
+    ] = None
+    whole_deg: Annotated[
+        float | None,
+        _switching_option(
+            help="Angle deviation (deg) up to which the adaptive model is linear throughout.",
+            show_default="10",
         ),
     ] = None
     longest_above: Annotated[
@@ -308,3 +356,11 @@ class SwitchingOptions:
             show_default="5",
         ),
     ] = None
+
+    def unused(self, kind: ModelKind) -> list[str]:
+        """Those that are given and have no effect on a model."""
+        if kind in (ModelKind.ADAPTIVE, ModelKind.AUTO):
+            return []
+        names = given(self)
+        switches = (ModelKind.WHOLE, ModelKind.PAPER, ModelKind.PAPER_WHOLE)
+        return [name for name in names if name == "--whole-deg" or kind not in switches]

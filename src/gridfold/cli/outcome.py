@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gridfold.cli.choice import ReducedSimulator
+from gridfold.cli.choice import Simulator
 from gridfold.cli.console import out
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import Switch
@@ -89,24 +89,22 @@ class Disturbance:
     method: Choice
     criterion: SynchronismCriterion | None
 
-    def solve(
-        self, reduced: ReducedSimulator | None, comparing: bool, budgeting: bool = False
-    ) -> Outcome:
-        """On the detailed model if `reduced` is None.
+    def solve(self, simulator: Simulator, comparing: bool, budgeting: bool = False) -> Outcome:
+        """On the model of `simulator`.
 
         `comparing` adds a detailed run beside it, `budgeting` the error by its causes.
         """
         store: ModelStore = {}
         stepper, reason = self.method.stepper, self.method.reason
         rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
-        if reduced is None:
+        if simulator.small is None:
             return Outcome(replace(simulate(*rest), method_reason=reason))
-        run = reduced.run(*rest)
-        seconds = reduced.seconds + run.reduction_seconds
+        run = simulator.run(*rest)
+        seconds = simulator.seconds + run.reduction_seconds
         trajectory = replace(run.trajectory, method_reason=reason)
         result = Outcome(trajectory, run.switches, seconds)
         if budgeting:
-            result = replace(result, budget=reduced.budget(self.events, self.t_end, stepper))
+            result = replace(result, budget=simulator.budget(self.events, self.t_end, stepper))
         if not comparing:
             return result
         detailed = simulate(*rest)
@@ -117,7 +115,7 @@ class Disturbance:
                     f"({done.status.value})."
                 )
                 return replace(result, detailed=detailed, note=note)
-        units = _comparable(detailed, reduced.family.study_units)
+        units = _comparable(detailed, simulator.study_units)
         return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
 
 

@@ -8,23 +8,39 @@ from typing import Annotated, Any
 
 import typer
 
-from gridfold.cli.choice import ExternalOptions, model_settings
+from gridfold.cli.choice import ExternalOptions
 from gridfold.cli.console import out, say_basis, speaks_to_people, write_json_option
-from gridfold.cli.options import AreaOptions, CaseOptions, JsonOption, NormOptions
+from gridfold.cli.options import (
+    AreaOptions,
+    CaseOptions,
+    JsonOption,
+    NormOptions,
+    model_option,
+)
+from gridfold.equivalents.choice import ModelSettings
 from gridfold.equivalents.families import ReducedExternal
-from gridfold.equivalents.saved import reducer_record, save_reduced
+from gridfold.equivalents.folded import FoldedArea
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import ModelKind, Outputs
+from gridfold.equivalents.saved import save_reduced
 from gridfold.grid.number_ranges import as_ranges
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition import partition as divide
 from gridfold.report.tables import (
     FUNCTIONS_PER_GENERATOR,
     facts_table,
+    ladder_facts,
+    ladder_table,
     norm_table,
     partition_facts,
     reduction_facts,
     tie_table,
 )
 from gridfold.runs.basis import basis_of
+
+OutputsOption = Annotated[
+    Outputs, model_option(help="For models that act through ports, or for those of the paper.")
+]
 
 
 def partition(
@@ -53,6 +69,7 @@ def partition(
 def reduce(
     source: CaseOptions,
     external: ExternalOptions,
+    outputs: OutputsOption = Outputs.POLAR,
     save: Annotated[Path | None, typer.Option(help="Write the reduced model (.npz).")] = None,
     json: JsonOption = None,
 ) -> None:
@@ -62,14 +79,22 @@ def reduce(
     """
     model = source.build()
     began = time.perf_counter()
-    family, norm = external.reduce(model, source.case)
+    parts = external.divide(model, source.case)
+    kind = ModelKind.PAPER if outputs is Outputs.STATES else ModelKind.ADAPTIVE
+    settings = external.settings(kind, parts)
+    family = settings.build(parts)
     seconds = time.perf_counter() - began
+    assert isinstance(family, Ladder | ReducedExternal)
     if save is not None:
-        save_reduced(save, family, norm)
-    write_json_option(json, _reduction_record(family, norm, seconds))
+        save_reduced(save, family, settings.norm)
+    write_json_option(json, _reduction_record(family, settings, seconds))
     if speaks_to_people(json):
-        buses = as_ranges(family.parts.study_buses)
-        out.print(facts_table(reduction_facts(family, norm, buses, seconds)))
+        if isinstance(family, Ladder):
+            out.print(ladder_table(family))
+            out.print(facts_table(ladder_facts(family, seconds)))
+        else:
+            buses = as_ranges(family.parts.study_buses)
+            out.print(facts_table(reduction_facts(family, settings.norm, buses, seconds)))
         if save is not None:
             out.print(facts_table({"Saved as": str(save)}))
         say_basis(basis_of(model))
@@ -121,18 +146,34 @@ def _partition_record(parts: Partition, coupling: Coupling, norm: float) -> dict
     }
 
 
-def _reduction_record(family: ReducedExternal, norm: float, seconds: float) -> dict[str, Any]:
-    case, reduction = family.parts.model.case, family.reduction
-    values = reduction.hankel_values
-    return {
+def _reduction_record(
+    family: Ladder | ReducedExternal, settings: ModelSettings, seconds: float
+) -> dict[str, Any]:
+    case = family.parts.model.case
+    record = {
         "case": case.name,
         "fingerprint": case.fingerprint,
         **basis_of(family.parts.model).record(),
-        **model_settings(family.parts, norm, family.kept),
-        "reducer": reducer_record(family.reducer),
-        "states": len(family.area.index),
-        "order": reduction.order,
-        "bound": reduction.bound,
-        "hankel_singular_values": None if values is None else values.tolist(),
+        **settings.record(family),
         "seconds": seconds,
+    }
+    if isinstance(family, ReducedExternal):
+        values = family.reduction.hankel_values
+        return record | {
+            "states": len(family.area.index),
+            "hankel_singular_values": None if values is None else values.tolist(),
+        }
+    areas = [_area_record(area) for area in family.areas]
+    return record | areas[0] | {"areas": areas}
+
+
+def _area_record(area: FoldedArea) -> dict[str, Any]:
+    values = area.bases.hankel_values
+    return {
+        "retained": [str(unit) for unit in area.retained],
+        "ports": list(area.ports.buses),
+        "states": len(area.area.state_index),
+        "order": area.bases.order,
+        "bound": area.bases.bound,
+        "hankel_singular_values": None if values is None else values.tolist(),
     }

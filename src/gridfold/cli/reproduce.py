@@ -22,6 +22,7 @@ from gridfold.paper.calibrated import (
 )
 from gridfold.paper.record import Reproduction, system_facts
 from gridfold.paper.runs import (
+    OURS,
     PRINTED,
     BusRow,
     CaseStudy,
@@ -103,6 +104,7 @@ def _tables(study: CaseStudy, part: Part, clearing: Clearing) -> Reproduction:
         table1=None if rows is None else tuple(rows),
         table2=second,
         table3=table_3(study, clearing) if Part.TABLE3 in wanted else None,
+        table3_printed=table_3(study, clearing, kinds=PRINTED) if Part.TABLE3 in wanted else None,
         table4=tuple(table_4(study, clearing)) if Part.TABLE4 in wanted else None,
         verdicts=None if rows is None else tuple(verdicts(rows)),
     )
@@ -140,7 +142,7 @@ def _figures(study: CaseStudy, part: Part, clearing: Clearing, folder: Path) -> 
     if clearing is Clearing.OWN:
         cleared = critical_clearing_time(study.model, BusFault(bus)).seconds
     events = [BusFault(bus, duration=cleared)]
-    runs = {kind: study.run(kind, events) for kind in PRINTED}
+    runs = {kind: study.run(kind, events) for kind in OURS}
     if Part.FIG2 in paths:
         plot_switches(study, [(kind, runs[kind]) for kind in ADAPTIVE], paths[Part.FIG2])
     for item, kind in zip((Part.FIG4, Part.FIG5), ADAPTIVE, strict=True):

@@ -17,6 +17,7 @@ from gridfold.cli.console import (
     out,
     say_basis,
     say_method,
+    say_model,
     speaks_to_people,
     write_json_option,
 )
@@ -24,6 +25,7 @@ from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import NetworkBackend
+from gridfold.equivalents.auto import Work
 from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
@@ -195,24 +197,29 @@ def simulate(
     began = time.perf_counter()
     happenings = events.collect()
     criterion = None if no_watch else runs.criterion
+    without = (ModelKind.DETAILED, ModelKind.PAPER_WHOLE)
     if compare and choice.model is ModelKind.DETAILED:
         raise OptionError("--compare needs a reduced model, see --model")
-    if budget and not choice.partitioned:
+    if budget and choice.model in (ModelKind.AUTO, *without):
         raise OptionError("--budget needs a model with a reduced external area, see --model")
     grid = source.build(network)
     method = runs.choose(grid)
     ready = time.perf_counter()
     task = Disturbance(grid, happenings, runs.t_end, method, criterion)
-    result = task.solve(choice.build(grid, source.case), compare or budget, budget)
+    work = Work(1, round(runs.t_end / method.stepper.step))
+    simulator = choice.build(grid, source.case, work)
+    result = task.solve(simulator, compare or budget, budget)
     run = result.run
     results.write(result)
     summary = summarize(run)
     record = _run_record(run, summary, ready - began + run.setup_seconds)
+    record["model_reason"] = simulator.reason
     write_json_option(json, record | result.record())
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
         say_method(method.reason)
+        say_model(simulator.kind.value, simulator.reason)
         result.show()
     raise typer.Exit(exit_code(run.status))
 

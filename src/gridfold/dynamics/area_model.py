@@ -14,7 +14,6 @@ from gridfold.dynamics.held_boundary import boundary_voltages, held_bus, held_gr
 from gridfold.dynamics.layout import Group, Layout, build_layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_with_loads
-from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.linear import LinearSystem
@@ -24,17 +23,6 @@ from gridfold.systems.statemap import StateMap
 _PROBE, _CHANGE = 0.1, 1e-9
 #: Distances in per unit (of angles: radians) at which the functions of kept units are probed.
 _FAR_PROBES = (0.1, 0.3, 1.0, 2.0, 5.0)
-
-
-class Outputs(Enum):
-    """How linear units act on the others.
-
-    STATES: their states are formed and enter the network as they are, as in the paper. POLAR: the
-    voltages they cause are linear in logarithm and angle; faster, and hardly less accurate.
-    """
-
-    STATES = "states"
-    POLAR = "polar"
 
 
 class BoundaryCoupling(Enum):
@@ -161,7 +149,6 @@ def build_area_model(
     corrected: Collection[UnitKey] = (),
     ports: Sequence[int] = (),
     input_states: Sequence[int] = (),
-    outputs: Outputs = Outputs.STATES,
     held: HeldBoundary | None = None,
     nonlinear: NDArray[np.bool_] | None = None,
 ) -> AreaModel:
@@ -179,8 +166,6 @@ def build_area_model(
         Boundary buses whose voltages are inputs.
     input_states : sequence of int
         Positions of exact states that are inputs, after the ports.
-    outputs : Outputs
-        How the linear units act on the others.
     held : HeldBoundary, optional
         Where voltages are held during a step; everything is solved together by default.
     nonlinear : ndarray of bool, shape (n_states,), optional
@@ -189,12 +174,8 @@ def build_area_model(
     exact_units, linear_units = _divide(model, set(area.index.tolist()))
     kept = [unit for unit in linear_units if unit in set(corrected)]
     rest = [unit for unit in linear_units if unit not in set(corrected)]
-    polar = outputs is Outputs.POLAR
-    classes = (exact_units, kept) if polar else (exact_units, kept, rest)
-    groups = _split(model.layout, classes)
+    groups = _split(model.layout, (exact_units, kept, rest))
     loads = model.injections.nonlinear
-    if loads is not None and polar:
-        raise OptionError("polar outputs need loads that are constant impedances")
     load_buses = () if loads is None else loads.buses
     if held is None:
         layout = build_layout(groups, [*ports, *load_buses])
@@ -204,10 +185,8 @@ def build_area_model(
     slot = {name: k for k, name in enumerate(layout.state_names)}
     exact_index = np.setdiff1d(np.arange(model.n_states), area.index)
     own = _states_of(model, kept)
-    formed = [k for k in area.index.tolist() if k in own]
-    if not polar:
-        read = _read_states(model)
-        formed = [k for k in area.index.tolist() if k in own or k in read]
+    read = _read_states(model)
+    formed = [k for k in area.index.tolist() if k in own or k in read]
     rows: list[int] = []
     if kept:
         functions = nonlinear_functions(model) if nonlinear is None else nonlinear
@@ -218,7 +197,6 @@ def build_area_model(
     def slots(states: Iterable[int]) -> NDArray[np.int64]:
         return np.array([slot[model.state_names[k]] for k in states], dtype=np.int64)
 
-    caused = _caused_voltages(model, area, rest, layout.terminals) if polar else None
     linear = LinearPart(
         a=area.a,
         partners=area.partners,
@@ -234,8 +212,6 @@ def build_area_model(
         f=area.full.a[row_index] @ area.states.lift_matrix,
         g=area.full.b[row_index],
         t=area.states.restrict_matrix[:, row_index],
-        caused=np.zeros(0, complex) if caused is None else caused[0],
-        caused_matrix=np.zeros((0, 0), complex) if caused is None else caused[1],
     )
     angle_states = [k for k in exact_index if model.state_names[k].startswith("rotor_angle:")]
     held_names, held_table = _held_places(layout, held, len(exact_index))
@@ -356,31 +332,6 @@ def _nonlinear_rows(
     rows = nonlinear.copy()
     rows[list(_states_of(model, [unit for unit in units if unit in limited]))] = True
     return np.flatnonzero(rows).tolist()
-
-
-def _caused_voltages(
-    model: DetailedModel, area: LinearArea, units: Sequence[UnitKey], buses: Sequence[int]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """What `units` cause at `buses` at the operating point, and its logarithmic slopes in z."""
-    x = model.x0.copy()
-    x[area.index] = area.states.reference
-    signals = model.signals(x[None, :])[0]
-    n_terminals = len(model.layout.terminals)
-    currents = np.zeros(n_terminals, dtype=np.complex128)
-    wanted = set(units) - set(model.state.units_out)
-    for (real, imag, at), unit in zip(model.layout.sources, model.layout.source_units, strict=True):
-        if unit in wanted:
-            currents[at] += signals[real] + 1j * signals[imag]
-    transfer = model.equations.bus_voltages(np.eye(n_terminals, dtype=np.complex128))
-    transfer = transfer[[model.case.bus_index[bus] for bus in buses]]
-    columns = np.isin(area.index, list(_states_of(model, units)))
-    parts = model.partials(x).currents[:, area.index].toarray() * columns
-    slopes = transfer @ (parts[:n_terminals] + 1j * parts[n_terminals:]) @ area.states.lift_matrix
-    caused = transfer @ currents
-    live = np.abs(caused) > 0
-    slopes[live] /= caused[live, None]
-    slopes[~live] = 0.0
-    return caused, slopes
 
 
 def _states_of(model: DetailedModel, units: Sequence[UnitKey]) -> set[int]:

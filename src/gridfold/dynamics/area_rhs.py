@@ -6,11 +6,6 @@ The linear part moves by
 
     z' = A z + B du + c + T (f - F z - G du),
 
-Either these states are formed one by one and their Norton currents computed as they are, or the
-voltages that they cause at the terminals in use are outputs, linear in logarithm and angle:
-V = V0 exp(C z). The latter costs the same however many machines are linear, and follows a common turn
-of all angles exactly.
-
 Here du are deviations of boundary voltages (angle, magnitude) or of states of the nonlinear units,
 and the last term, over the rows of the corrected units, puts their nonlinear functions f back into
 their places (equations (14)-(15) of Osipov & Sun, in correction form).
@@ -64,9 +59,6 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     ANGLE_SLOTS_AT,
     ANGLE_REFERENCE_AT,
     IS_MODAL,
-    N_CAUSED,
-    CAUSED_AT,
-    CAUSED_MATRIX_AT,
     A_AT,
     PARTNERS_AT,
     B_AT,
@@ -81,8 +73,8 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     CORRECTION_AT,
     N_HELD,
     HELD_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 33)
-_AREA_HEADER = HEADER_SIZE + 33
+) = range(HEADER_SIZE, HEADER_SIZE + 30)
+_AREA_HEADER = HEADER_SIZE + 30
 
 
 @dataclass(frozen=True)
@@ -111,8 +103,6 @@ class LinearPart:
         Positions of the states that are inputs.
     corrected : ndarray of int, shape (n_corrected,)
         Positions of the states whose functions stay nonlinear.
-    caused, caused_matrix : ndarrays of complex, shapes (n_terminals,) and (n_terminals, r)
-        Voltages V0 and their logarithmic slopes C; both empty where states are formed instead.
     f, g, t : ndarrays, shapes (n_corrected, r), (n_corrected, n_inputs), (r, n_corrected)
         Linear part of these functions, and where they act.
     """
@@ -131,8 +121,6 @@ class LinearPart:
     f: NDArray[np.float64]
     g: NDArray[np.float64]
     t: NDArray[np.float64]
-    caused: NDArray[np.complex128]
-    caused_matrix: NDArray[np.complex128]
 
     @property
     def order(self) -> int:
@@ -194,11 +182,6 @@ def pack_area_rhs(
     header[[N_CORRECTED, CORRECTED_SLOTS_AT]] = (
         len(linear.corrected), integers.add(linear.corrected),
     )  # fmt: skip
-    header[[N_CAUSED, CAUSED_AT]] = (
-        len(linear.caused), reals.add(np.stack([linear.caused.real, linear.caused.imag])),
-    )  # fmt: skip
-    slopes = np.stack([linear.caused_matrix.real, linear.caused_matrix.imag])
-    header[CAUSED_MATRIX_AT] = reals.add(slopes)
     header[[F_AT, G_AT, T_AT]] = reals.add(linear.f), reals.add(linear.g), reals.add(linear.t)
     held = np.zeros((0, 3), dtype=np.int64) if held is None else held
     header[[N_HELD, HELD_AT]] = len(held), integers.add(held)
@@ -238,26 +221,6 @@ def _form_states(integers, reals, work, v):
             total += lift[k, j] * v[n_exact + j]
         slot = integers[integers[FORMED_SLOTS_AT] + k]
         work[slot] = reals[integers[FORMED_REFERENCE_AT] + k] + total
-
-
-@compiled_part
-def _add_caused_voltages(integers, reals, work, z):
-    """Add what the linear machines cause at the terminals."""
-    n, order = integers[N_CAUSED], integers[ORDER]
-    at, slopes_at = integers[CAUSED_AT], integers[CAUSED_MATRIX_AT]
-    log_slopes = matrix_view(reals, slopes_at, n, order)
-    angle_slopes = matrix_view(reals, slopes_at + n * order, n, order)
-    voltages_at = integers[N_SIGNALS] - 2 * n
-    for t in range(n):
-        log_gain, turn = 0.0, 0.0
-        for j in range(order):
-            log_gain += log_slopes[t, j] * z[j]
-            turn += angle_slopes[t, j] * z[j]
-        gain = np.exp(log_gain)
-        g_r, g_i = gain * np.cos(turn), gain * np.sin(turn)
-        v_r, v_i = reals[at + t], reals[at + n + t]
-        work[voltages_at + t] += g_r * v_r - g_i * v_i
-        work[voltages_at + n + t] += g_r * v_i + g_i * v_r
 
 
 @compiled_part
@@ -305,8 +268,6 @@ def _voltages(integers, reals, work, v):
     states = work[: integers[N_STATES]]
     run_calls(0, integers[N_SOURCE_CALLS], integers, reals, work, states, derivative)
     solve_voltages(integers, reals, work)
-    if integers[N_CAUSED] > 0:
-        _add_caused_voltages(integers, reals, work, v[integers[N_EXACT] :])
 
 
 def _hold_boundary(integers, reals, work, v, dv):

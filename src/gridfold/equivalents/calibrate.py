@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import takewhile
 
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.contingency_errors import (
     AngleError,
     Contingency,
@@ -111,8 +111,6 @@ class Calibration:
         Column norms of all external machines.
     limit_deg : float
         Limit of the errors in degrees.
-    outputs : Outputs
-        How the external machines acted on the study area.
     boundary : BoundaryCoupling
         How the areas knew each other's boundary voltages.
     left_out : tuple of LeftOut
@@ -127,7 +125,6 @@ class Calibration:
     column_norm: float
     coupling: Coupling = field(repr=False)
     limit_deg: float
-    outputs: Outputs
     boundary: BoundaryCoupling
     left_out: tuple[LeftOut, ...]
     detailed_runs: int
@@ -151,7 +148,6 @@ def calibrate(
     criterion: SynchronismCriterion = DEFAULT_CRITERION,
     workers: int | None = None,
     on_progress: Callable[[Progress], None] | None = None,
-    outputs: Outputs = Outputs.STATES,
     coupling: BoundaryCoupling = BoundaryCoupling.EXACT,
 ) -> Calibration:
     """Find the first thresholds, from above, at which all rotor-angle errors are below a limit.
@@ -182,8 +178,8 @@ def calibrate(
         Threads; one a core by default. The thresholds do not depend on it.
     on_progress : callable, optional
         Called with a :class:`Progress` now and then, from the calling thread.
-    outputs, coupling
-        As in :func:`reduce_external`; the version without partition has neither.
+    coupling
+        As in :func:`reduce_external`; the version without partition has none.
 
     Raises
     ------
@@ -202,7 +198,7 @@ def calibrate(
     norms.kept(norm)
     family = None
     if set(what) - {ThresholdKind.WHOLE}:
-        family = reduce_external(parts, reducer, norm, outputs, coupling)
+        family = reduce_external(parts, reducer, norm, coupling)
     models = _Models(parts, norms, family)
     stepper = RungeKutta4() if stepper is None else stepper
     threads = workers or os.cpu_count() or 1
@@ -220,9 +216,7 @@ def calibrate(
                 norm = found[kind].value or 0.0
     count = len(references) + len(left_out)
     seconds = clock.perf_counter() - began
-    return Calibration(
-        found, norm, norms, limit_deg, outputs, coupling, tuple(left_out), count, seconds
-    )
+    return Calibration(found, norm, norms, limit_deg, coupling, tuple(left_out), count, seconds)
 
 
 def _as_tuple(contingency: Event | Sequence[Event]) -> Contingency:

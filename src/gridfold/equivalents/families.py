@@ -19,7 +19,6 @@ from gridfold.dynamics.area_model import (
     BoundaryCoupling,
     HeldBoundary,
     LinearArea,
-    Outputs,
     build_area_model,
 )
 from gridfold.dynamics.equilibrium import Equilibrium
@@ -131,8 +130,6 @@ class ReducedExternal:
         State of the whole system at the operating point.
     reducer : Reducer
         How it was reduced.
-    outputs : Outputs
-        How the external machines act on the study area.
     boundary : BoundaryCoupling
         How the areas know each other's boundary voltages.
     at_limits : tuple of str
@@ -146,13 +143,8 @@ class ReducedExternal:
     area: LinearArea = field(repr=False)
     origin: NDArray[np.float64] = field(repr=False)
     reducer: Reducer
-    outputs: Outputs = Outputs.STATES
     boundary: BoundaryCoupling = BoundaryCoupling.EXACT
     at_limits: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if (self.boundary, self.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
-            raise OptionError("the lagged coupling needs outputs 'states'")
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -188,7 +180,7 @@ class ReducedExternal:
     def moved(self, model: DetailedModel, point: Equilibrium) -> ReducedExternal:
         """Linearized and reduced again about `point`, the equilibrium of `model`."""
         moved = _reduce(self.parts, self.coupling, self.kept, self.reducer, model, point)
-        return replace(moved, outputs=self.outputs, boundary=self.boundary)
+        return replace(moved, boundary=self.boundary)
 
     def _build(self, model: DetailedModel, corrected: Sequence[UnitKey]) -> SmallModel:
         held = None
@@ -199,7 +191,6 @@ class ReducedExternal:
             self.area,
             corrected,
             self.parts.boundary_buses,
-            outputs=self.outputs,
             held=held,
             nonlinear=self.parts.nonlinear_functions if corrected else None,
         )
@@ -213,7 +204,6 @@ def reduce_external(
     parts: Partition,
     reducer: Reducer | None = None,
     column_norm: float = COLUMN_NORM,
-    outputs: Outputs = Outputs.STATES,
     coupling: BoundaryCoupling = BoundaryCoupling.EXACT,
 ) -> ReducedExternal:
     """Linearize and reduce the external area at the equilibrium.
@@ -226,8 +216,6 @@ def reduce_external(
         Balanced truncation to a bound of 1e-5 by default, as in the paper.
     column_norm : float
         Machines with at least this column norm (p.u.) stay nonlinear in the hybrid model.
-    outputs : Outputs
-        How the external machines act on the study area: as in the paper, or faster.
     coupling : BoundaryCoupling
         Boundary voltages solved for together, or taken from the previous step as in the paper.
     """
@@ -236,7 +224,7 @@ def reduce_external(
     start = Equilibrium(parts.model.x0, 0.0)
     kept = norms.kept(column_norm)
     reduced = _reduce(parts, norms, kept, chosen, parts.model, start)
-    return replace(reduced, outputs=outputs, boundary=coupling)
+    return replace(reduced, boundary=coupling)
 
 
 def _reduce(

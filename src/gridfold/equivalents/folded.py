@@ -21,6 +21,7 @@ from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.families import Mode, SmallModel
+from gridfold.equivalents.model_kind import Weights
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import ModalForm, modal_form
@@ -28,6 +29,8 @@ from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition.port_area import PortArea, interface_weights, linearize_ports
 from gridfold.partition.ports import Ports, find_ports
 from gridfold.reduction import BalancedTruncation, Reducer
+from gridfold.reduction.order import OrderRule
+from gridfold.reduction.slow_modes import slow_modes
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
@@ -36,6 +39,8 @@ from gridfold.systems.statemap import StateMap
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
 #: at ports and kept machines in p.u. for a port voltage that changes by 1 rad or by the factor e.
 PORT_TOLERANCE = 2e-3
+#: States of an area up to which its matrix is formed to be reduced.
+DENSE_UP_TO = 500
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class Bases:
         return int(self.lift.shape[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoldedArea:
     """Study area and retained machines exact, all others linear behind ports, about a point.
 
@@ -117,9 +122,14 @@ class FoldedArea:
     governed: tuple[UnitKey, ...] = ()
 
     @property
+    def mode(self) -> Mode:
+        """What the model is called: retained where machines beside the study area are."""
+        return Mode.RETAINED if self.retained else Mode.LINEAR
+
+    @property
     def modes(self) -> tuple[Mode, ...]:
-        """One model; it is called retained where machines beside the study area are."""
-        return (Mode.RETAINED if self.retained else Mode.LINEAR,)
+        """One model."""
+        return (self.mode,)
 
     @property
     def reference_unit(self) -> UnitKey:
@@ -201,7 +211,10 @@ class WholeCoordinates:
 
 
 def fold(
-    parts: Partition, retained: Collection[UnitKey] = (), reducer: Reducer | None = None
+    parts: Partition,
+    retained: Collection[UnitKey] = (),
+    reducer: Reducer | None = None,
+    weights: Weights = Weights.INTERFACE,
 ) -> FoldedArea:
     """Fold the external area behind its ports, at the equilibrium.
 
@@ -213,6 +226,8 @@ def fold(
         External machines that stay exact.
     reducer : Reducer
         Balanced truncation to a bound of 2e-3 p.u. by default.
+    weights : Weights
+        What is balanced: what the area causes at its ports, or all of its states alike.
 
     Raises
     ------
@@ -229,10 +244,12 @@ def fold(
     ports = find_ports(parts.model, linear, parts.study_buses)
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)
-    weights = interface_weights(parts.model, ports)
+    at_ports = interface_weights(parts.model, ports)
     governed = limited_by_any_swing(parts.model, point.x, ports.units)
-    area = _linearized(ports, parts.model, point.x, weights, governed)
-    bases = _bases(chosen, area, weights)
+    area = _linearized(ports, parts.model, point.x, at_ports, governed)
+    if weights is Weights.STATES:
+        area = replace(area, system=area.system.with_outputs(np.eye(area.system.n)))
+    bases = _bases(chosen, area, parts.model, at_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -250,17 +267,36 @@ def on_bases(
     return _about(parts, couple(parts), retained, ports, reducer, bases, area, point)
 
 
-def _bases(reducer: Reducer, area: PortArea, weights: NDArray[np.float64]) -> Bases:
+def _bases(
+    reducer: Reducer, area: PortArea, model: DetailedModel, weights: NDArray[np.float64]
+) -> Bases:
     """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
-    if isinstance(reducer, BalancedTruncation):
-        found = reducer.reduce(area.driven.dense(), area.x0, include=area.turn)
-        values = np.zeros(0) if found.hankel_values is None else found.hankel_values
-        tail: float | None = 2 * float(values[found.order - area.turn.shape[1] :].sum())
-    else:
-        found = reducer.reduce(area.driven.dense(), area.x0)
-        tail = found.bound
-    maps = found.state_map
-    return Bases(maps.lift_matrix, maps.restrict_matrix, weights, found.hankel_values, tail)
+    system, reference = area.driven, area.x0
+    if not isinstance(reducer, BalancedTruncation):
+        found = reducer.reduce(system.dense(), reference)
+        maps, values = found.state_map, found.hankel_values
+        return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, found.bound)
+    small = system.n <= DENSE_UP_TO
+    found = reducer.reduce(
+        system.dense() if small else system, reference, _exact(reducer, area, model)
+    )
+    maps, values = found.state_map, found.hankel_values
+    assert values is not None
+    rule = OrderRule(reducer.tolerance, reducer.order)
+    bound = 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
+    return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, bound)
+
+
+def _exact(
+    reducer: BalancedTruncation, area: PortArea, model: DetailedModel
+) -> NDArray[np.float64]:
+    """States that stay exact: the common turn and, if wanted, slow modes of the whole grid."""
+    if reducer.slow_modes is None:
+        return area.turn
+    smooth = touched_held(model, model.x0, area.ports.units)
+    _, vectors = slow_modes(grid_descriptor(smooth, model.x0), reducer.slow_modes)
+    inside = vectors[area.state_index]
+    return np.hstack([area.turn, inside.real, inside.imag])
 
 
 def _linearized(

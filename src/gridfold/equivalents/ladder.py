@@ -34,24 +34,24 @@ class Ladder:
 
     Parameters
     ----------
-    retained : FoldedArea
-        With machines near the boundary exact; the linear one where none is retained.
-    linear : FoldedArea or None
-        With the whole external area linear; None leaves that rung out.
+    areas : tuple of FoldedArea
+        The external area with machines near the boundary exact, and with none of them; or one of
+        the two.
+    whole : bool
+        Whether there is a rung on which everything is linear.
     step_seconds : mapping
-        What a step of each rung took on this machine, in seconds; empty takes every rung for
-        cheaper than the one above it.
+        What a step of each rung took on the machine that measured it, in seconds; empty takes every
+        rung for cheaper than the one above it.
     """
 
-    retained: FoldedArea
-    linear: FoldedArea | None
+    areas: tuple[FoldedArea, ...]
+    whole: bool = False
     step_seconds: Mapping[Mode, float] = field(default_factory=dict)
 
     @property
     def rungs(self) -> tuple[Mode, ...]:
         """All rungs below the detailed model."""
-        middle = () if self.linear is None else (Mode.LINEAR,)
-        return (Mode.RETAINED, *middle, Mode.WHOLE)
+        return (*(area.mode for area in self.areas), *((Mode.WHOLE,) if self.whole else ()))
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -68,22 +68,27 @@ class Ladder:
     @property
     def parts(self) -> Partition:
         """Study and external area."""
-        return self.retained.parts
+        return self.areas[0].parts
+
+    @property
+    def retained(self) -> tuple[UnitKey, ...]:
+        """External machines that stay exact on the highest rung."""
+        return self.areas[0].retained
 
     @property
     def reference_unit(self) -> UnitKey:
         """The electrically furthest machine."""
-        return self.retained.reference_unit
+        return self.areas[0].reference_unit
 
     @property
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
-        return self.retained.study_units
+        return self.areas[0].study_units
 
     @property
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
-        return self.retained.origin
+        return self.areas[0].origin
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of the units that are linear in `mode` that act at the operating point."""
@@ -95,24 +100,23 @@ class Ladder:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
         """About another operating point; what steps cost is known."""
-        linear = None if self.linear is None else self.linear.moved(model, point)
-        return replace(self, retained=self.retained.moved(model, point), linear=linear)
+        return replace(self, areas=tuple(area.moved(model, point) for area in self.areas))
 
     def measured(self) -> Ladder:
         """The same with what a step of each rung takes on this machine."""
         model = self.parts.model
-        spent = {Mode.DETAILED: _step_seconds(model, model.x0)}
+        spent = {Mode.DETAILED: step_seconds(model, model.x0)}
         for rung in self.rungs:
             small = self.build(rung, model)
-            spent[rung] = _step_seconds(small.system, small.coordinates.restrict(model.x0))
+            spent[rung] = step_seconds(small.system, small.coordinates.restrict(model.x0))
         return replace(self, step_seconds=spent)
 
     def _area(self, mode: Mode) -> FoldedArea:
-        """The folded area of a rung; that without retained machines has fewer states."""
-        return self.retained if mode is Mode.RETAINED or self.linear is None else self.linear
+        """The folded area of a rung; throughout linear is the one with the fewest states."""
+        return next((area for area in self.areas if area.mode is mode), self.areas[-1])
 
 
-def _step_seconds(system: System, start: NDArray[np.float64]) -> float:
+def step_seconds(system: System, start: NDArray[np.float64]) -> float:
     """Seconds that one step of a run with `system` takes, the fastest of some tries."""
     stepper, spent = RungeKutta4(), []
     for _ in range(_TIMES):

@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling, LinearArea
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import LoadModel
 from gridfold.dynamics.unit_limits import limits_touched
 from gridfold.equivalents.families import COLUMN_NORM, ReducedExternal
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.saved_ladder import build_ladder, ladder_arrays, ladder_header
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
 from gridfold.partition import Partition, couple, partition
@@ -30,10 +32,10 @@ SAME_POINT = 1e-6
 
 
 class SavedReduction(NamedTuple):
-    """A reduced external area, and the column norm (p.u.) from which machines were kept."""
+    """A reduced external area, and with the paper's models the column norm (p.u.) of kept machines."""
 
-    family: ReducedExternal
-    column_norm: float
+    family: ReducedExternal | Ladder
+    column_norm: float | None
 
 
 def reducer_record(reducer: Reducer) -> dict[str, Any]:
@@ -52,7 +54,7 @@ def reducer_record(reducer: Reducer) -> dict[str, Any]:
 
 
 def save_reduced(
-    path: str | Path, family: ReducedExternal, column_norm: float = COLUMN_NORM
+    path: str | Path, family: ReducedExternal | Ladder, column_norm: float = COLUMN_NORM
 ) -> None:
     """Write a reduced external area to a file.
 
@@ -60,10 +62,10 @@ def save_reduced(
     ----------
     path : str or Path
         The file, by custom ``NAME.npz``.
-    family : ReducedExternal
-        From :func:`gridfold.reduce`.
+    family : Ladder or ReducedExternal
+        From :func:`gridfold.ladder` or :func:`gridfold.reduce`.
     column_norm : float
-        The threshold in p.u. that was given there.
+        With the latter, the threshold in p.u. that was given there.
 
     Raises
     ------
@@ -72,22 +74,35 @@ def save_reduced(
     OutputError
         The file cannot be written.
     """
-    if family.coupling.kept(column_norm) != family.kept:
-        raise OptionError(f"a column norm of {column_norm:g} p.u. keeps other machines")
-    case = family.parts.model.case
+    case, reducer = family.parts.model.case, _reducer_of(family)
     header = {
         "case": case.name,
         "fingerprint": case.fingerprint,
         "study_buses": sorted(family.parts.study_buses),
-        "column_norm": column_norm,
-        "reducer": reducer_record(family.reducer),
-        "bound": family.reduction.bound,
-        "kept_exactly": family.reduction.kept_exactly,
-        "outputs": family.outputs.value,
-        "coupling": family.boundary.value,
+        "reducer": reducer_record(reducer),
         **basis_of(family.parts.model).record(),
     }
-    write_reduced(Path(path), ReducedFile(header, _arrays(family)))
+    if isinstance(family, Ladder):
+        content = ReducedFile(header | ladder_header(family), ladder_arrays(family))
+    else:
+        content = ReducedFile(header | _header(family, column_norm), _arrays(family))
+    write_reduced(Path(path), content)
+
+
+def _reducer_of(family: ReducedExternal | Ladder) -> Reducer:
+    return family.areas[0].reducer if isinstance(family, Ladder) else family.reducer
+
+
+def _header(family: ReducedExternal, column_norm: float) -> dict[str, Any]:
+    if family.coupling.kept(column_norm) != family.kept:
+        raise OptionError(f"a column norm of {column_norm:g} p.u. keeps other machines")
+    return {
+        "column_norm": column_norm,
+        "bound": family.reduction.bound,
+        "kept_exactly": family.reduction.kept_exactly,
+        "outputs": "states",
+        "coupling": family.boundary.value,
+    }
 
 
 def load_reduced(path: str | Path, model: DetailedModel) -> SavedReduction:
@@ -160,6 +175,10 @@ def _arrays(family: ReducedExternal) -> dict[str, NDArray[Any]]:
 
 def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
     header, arrays = content.header, content.arrays
+    settings = dict(header["reducer"])
+    reducer = _REDUCERS[settings.pop("name")](**settings)
+    if header["outputs"] == "polar":
+        return SavedReduction(build_ladder(header, arrays, model, reducer), None)
     parts = partition(model, header["study_buses"])
     coupling = couple(parts)
     reduction = Reduction(
@@ -179,8 +198,6 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         input_reference=arrays["u0"],
         drift=arrays["drift"],
     )
-    settings = dict(header["reducer"])
-    reducer = _REDUCERS[settings.pop("name")](**settings)
     norm = header["column_norm"]
     family = ReducedExternal(
         parts=parts,
@@ -190,7 +207,6 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         area=area,
         origin=arrays["x0"],
         reducer=reducer,
-        outputs=Outputs(header["outputs"]),
         boundary=BoundaryCoupling(header.get("coupling", BoundaryCoupling.EXACT.value)),
         at_limits=limits_touched(model, arrays["x0"], parts.external_units),
     )

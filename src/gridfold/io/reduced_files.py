@@ -20,15 +20,22 @@ from gridfold.version import __version__
 FORMAT = "gridfold reduced model"
 VERSION = 1
 
-_HEADER: dict[str, type | tuple[type, ...]] = {
+_Kinds = dict[str, type | tuple[type, ...]]
+_HEADER: _Kinds = {
     "case": str,
     "fingerprint": str,
     "study_buses": list,
-    "column_norm": (int, float),
     "reducer": dict,
-    "bound": (int, float, type(None)),
-    "kept_exactly": int,
     "outputs": str,
+}
+#: What the header says besides, by the outputs of the model.
+_FURTHER: dict[str, _Kinds] = {
+    "states": {
+        "column_norm": (int, float),
+        "bound": (int, float, type(None)),
+        "kept_exactly": int,
+    },
+    "polar": {"areas": list, "whole": bool, "step_seconds": dict},
 }
 
 
@@ -74,7 +81,8 @@ def read_reduced(path: Path) -> ReducedFile:
             f"{path}: the file has version {header.get('version')!r} of the format, this gridfold "
             f"reads version {VERSION}; reduce again"
         )
-    for key, kind in _HEADER.items():
+    further = _FURTHER.get(str(header.get("outputs")), _FURTHER["states"])
+    for key, kind in (_HEADER | further).items():
         if not isinstance(header.get(key), kind):
             raise CaseFileError(f"{key} is {header.get(key)!r} in the header", str(path))
     return ReducedFile(header, arrays)

@@ -12,7 +12,7 @@ from gridfold.equivalents.contingency_errors import Progress
 from gridfold.grid.events import BusFault
 from gridfold.paper import published
 from gridfold.paper.runs import BusRow, CaseStudy, Thresholds, fault_errors
-from gridfold.paper.tables import ADAPTIVE
+from gridfold.paper.tables import ADAPTIVE_PRINTED
 
 
 def calibrate_study(
@@ -48,7 +48,9 @@ def calibrated_rows(
     A version without a threshold is left out.
     """
     angles = (calibrated.thresholds.partitioned_deg, calibrated.thresholds.whole_deg)
-    kinds = [kind for kind, angle in zip(ADAPTIVE, angles, strict=True) if angle is not None]
+    kinds = [
+        kind for kind, angle in zip(ADAPTIVE_PRINTED, angles, strict=True) if angle is not None
+    ]
 
     def add(row: BusRow) -> BusRow:
         found = fault_errors(calibrated, row.errors.events, row.errors.clearing, kinds)

@@ -10,9 +10,10 @@ from typing import Any
 
 from gridfold.equivalents.calibrate import Calibration, Threshold
 from gridfold.paper import published
-from gridfold.paper.runs import PRINTED, BusRow, CaseStudy, Clearing, FaultErrors, SmallRun
+from gridfold.paper.runs import OURS, BusRow, CaseStudy, Clearing, FaultErrors, SmallRun
 from gridfold.paper.tables import (
     ADAPTIVE,
+    ADAPTIVE_PRINTED,
     ConditionRow,
     Means,
     StateRow,
@@ -90,6 +91,7 @@ class Reproduction:
     table1: tuple[BusRow, ...] | None = None
     table2: tuple[StateRow, ...] | None = None
     table3: dict[str, Timing] | None = None
+    table3_printed: dict[str, Timing] | None = None
     table4: tuple[ConditionRow, ...] | None = None
     verdicts: tuple[Verdict, ...] | None = None
     calibration: Calibration | None = None
@@ -110,9 +112,8 @@ class Reproduction:
             "table1": None if rows is None else [_row_1(row) for row in rows],
             "table1_summary": None if rows is None else _summary(rows),
             "table2": None if self.table2 is None else [_row_2(row) for row in self.table2],
-            "table3": None
-            if self.table3 is None
-            else {name: _timing(item) for name, item in self.table3.items()},
+            "table3": _timings(self.table3),
+            "table3_printed": _timings(self.table3_printed),
             "table4": None if self.table4 is None else [_row_4(row) for row in self.table4],
             "verdicts": None if self.verdicts is None else [asdict(item) for item in self.verdicts],
         }
@@ -150,7 +151,10 @@ def _row_1(row: BusRow) -> dict[str, Any]:
         "paper_cct_s": None if paper is None else paper.cct,
         "lost_synchronism": list(row.errors.lost_synchronism),
         "rmse_deg": _worst(row.errors, tuple(SmallRun)),
-        "rmse_deg_calibrated": _worst(row.calibrated, ADAPTIVE),
+        "rmse_deg_calibrated": {
+            kind.column: None if row.calibrated is None else row.calibrated.worst_deg(kind)
+            for kind in ADAPTIVE_PRINTED
+        },
         "paper_rmse_deg": None if paper is None else paper.errors._asdict(),
     }
 
@@ -162,7 +166,7 @@ def _summary(rows: tuple[BusRow, ...]) -> dict[str, Any]:
     return {
         "rmse_deg": {kind.value: text(means(rows, kind)) for kind in SmallRun},
         "rmse_deg_calibrated": {
-            kind.value: text(means(rows, kind, calibrated=True)) for kind in ADAPTIVE
+            kind.column: text(means(rows, kind, calibrated=True)) for kind in ADAPTIVE_PRINTED
         },
         "paper_mean_rmse_deg": paper_means()._asdict(),
     }
@@ -179,9 +183,13 @@ def _row_2(row: StateRow) -> dict[str, Any]:
         "state": row.published.state,
         "unit": row.published.unit,
         "generator": str(row.unit),
-        **{kind.value: row.errors.get(kind) for kind in PRINTED},
+        **{kind.value: row.errors.get(kind) for kind in OURS},
         "paper": row.published.errors._asdict(),
     }
+
+
+def _timings(columns: dict[str, Timing] | None) -> dict[str, Any] | None:
+    return None if columns is None else {name: _timing(item) for name, item in columns.items()}
 
 
 def _timing(item: Timing) -> dict[str, Any]:

@@ -18,7 +18,15 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
 from gridfold.equivalents.compare import Comparison, compare
-from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem, reduce_external
+from gridfold.equivalents.families import (
+    ModelFamily,
+    ReducedExternal,
+    WholeSystem,
+    reduce_external,
+)
+from gridfold.equivalents.folded import fold
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import WHOLE_DEG
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -36,17 +44,36 @@ FINE_GRID = 0.001
 
 
 class SmallRun(Enum):
-    """The runs with small models that the tables compare with the detailed one."""
+    """The runs with small models that the tables compare with the detailed one.
+
+    The first three are those of the paper's tables in our form: machines near the boundary retained,
+    the rest linear behind ports. RETAINED switches to no cheaper model. Then the paper's form as it is
+    printed, with exact and with lagged coupling.
+    """
 
     LINEAR = "linear"
     ADAPTIVE_PARTITIONED = "adaptive_partitioned"
     ADAPTIVE_WHOLE = "adaptive_whole"
+    RETAINED = "retained"
+    LINEAR_PRINTED = "linear_printed"
+    ADAPTIVE_PARTITIONED_PRINTED = "adaptive_partitioned_printed"
+    ADAPTIVE_WHOLE_PRINTED = "adaptive_whole_printed"
     LINEAR_LAGGED = "linear_lagged"
     ADAPTIVE_PARTITIONED_LAGGED = "adaptive_partitioned_lagged"
 
+    @property
+    def column(self) -> str:
+        """The column of the paper's tables that it belongs beside."""
+        return self.value.removesuffix("_printed").removesuffix("_lagged")
 
-#: The runs that the paper prints; it has them with the lagged coupling.
-PRINTED = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED, SmallRun.ADAPTIVE_WHOLE)
+
+#: The columns of the paper's tables in our form, and as printed.
+OURS = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED, SmallRun.ADAPTIVE_WHOLE)
+PRINTED = (
+    SmallRun.LINEAR_PRINTED,
+    SmallRun.ADAPTIVE_PARTITIONED_PRINTED,
+    SmallRun.ADAPTIVE_WHOLE_PRINTED,
+)
 
 
 class Clearing(Enum):
@@ -81,9 +108,11 @@ class CaseStudy:
     thresholds : Thresholds
         Those of the adaptive runs.
     external : ReducedExternal
-        The reduced external area.
+        The external area reduced as the paper does.
+    ladder, ladder_whole : SmallModels
+        Models by network state in our form: with and without the linear external area.
     partitioned, whole, lagged : SmallModels
-        Models by network state of the two versions, and of the first with lagged coupling.
+        Models of the two versions of the paper, and of the first with lagged coupling.
     store : mutable mapping
         Detailed models by network state.
     """
@@ -91,6 +120,8 @@ class CaseStudy:
     parts: Partition
     thresholds: Thresholds
     external: ReducedExternal
+    ladder: SmallModels = field(repr=False)
+    ladder_whole: SmallModels = field(repr=False)
     partitioned: SmallModels = field(repr=False)
     whole: SmallModels = field(repr=False)
     lagged: SmallModels = field(repr=False)
@@ -107,25 +138,37 @@ class CaseStudy:
 
     def run(self, kind: SmallRun, events: Sequence[Event]) -> AdaptiveRun:
         """A run with small models."""
-        partitioned_deg, whole_deg = self.thresholds.partitioned_deg, self.thresholds.whole_deg
-        family, angle = {
-            SmallRun.LINEAR: (self.partitioned, np.inf),
-            SmallRun.ADAPTIVE_PARTITIONED: (self.partitioned, partitioned_deg),
-            SmallRun.ADAPTIVE_WHOLE: (self.whole, whole_deg),
-            SmallRun.LINEAR_LAGGED: (self.lagged, np.inf),
-            SmallRun.ADAPTIVE_PARTITIONED_LAGGED: (self.lagged, partitioned_deg),
-        }[kind]
+        family, angle = self._models(kind)
         if angle is None:
             raise OptionError(f"there is no angle threshold for the run {kind.value}")
-        rule = SwitchingRule(float(angle))
+        linear_to = WHOLE_DEG if kind is SmallRun.ADAPTIVE_PARTITIONED else 0.0
+        rule = SwitchingRule(float(angle), whole_deg=linear_to)
         return simulate_adaptive(
             self.model, family, rule, events, published.T_END, store=self.store
         )
 
+    def _models(self, kind: SmallRun) -> tuple[SmallModels, float | None]:
+        """The models of a run, and the angle deviation in degrees above which the first is used."""
+        partitioned, whole = self.thresholds.partitioned_deg, self.thresholds.whole_deg
+        return {
+            SmallRun.LINEAR: (self.ladder, np.inf),
+            SmallRun.ADAPTIVE_PARTITIONED: (self.ladder, partitioned),
+            SmallRun.ADAPTIVE_WHOLE: (self.ladder_whole, whole),
+            SmallRun.RETAINED: (self.ladder, 0.0),
+            SmallRun.LINEAR_PRINTED: (self.partitioned, np.inf),
+            SmallRun.ADAPTIVE_PARTITIONED_PRINTED: (self.partitioned, partitioned),
+            SmallRun.ADAPTIVE_WHOLE_PRINTED: (self.whole, whole),
+            SmallRun.LINEAR_LAGGED: (self.lagged, np.inf),
+            SmallRun.ADAPTIVE_PARTITIONED_LAGGED: (self.lagged, partitioned),
+        }[kind]
+
     def with_thresholds(self, thresholds: Thresholds) -> CaseStudy:
-        """The same system and reduction with other thresholds."""
+        """The same system and reductions with other thresholds; our form keeps its machines."""
         kept = self.external.coupling.kept(thresholds.column_norm)
-        return _study(replace(self.external, kept=kept), thresholds, self.store)
+        external = replace(self.external, kept=kept)
+        ladder = self.ladder.family
+        assert isinstance(ladder, Ladder)
+        return _study(external, ladder, thresholds, self.store)
 
 
 def prepare(
@@ -135,24 +178,42 @@ def prepare(
 ) -> CaseStudy:
     """Partition and reduce `model` (:func:`gridfold.build_model`) as the paper does.
 
-    `reducer` is balanced truncation to the paper's bound by default.
+    `reducer`, that of the paper's form, is balanced truncation to the paper's bound by default.
     """
     chosen = Thresholds() if thresholds is None else thresholds
     parts = partition(model, published.STUDY_BUSES)
-    return _study(reduce_external(parts, reducer, chosen.column_norm), chosen, {})
+    external = reduce_external(parts, reducer, chosen.column_norm)
+    ladder = Ladder((fold(parts, external.kept), fold(parts)), whole=True)
+    return _study(external, ladder, chosen, {})
 
 
-def _study(external: ReducedExternal, thresholds: Thresholds, store: ModelStore) -> CaseStudy:
+def _study(
+    external: ReducedExternal, ladder: Ladder, thresholds: Thresholds, store: ModelStore
+) -> CaseStudy:
     """All models of the intact network are built here, before threads share the stores."""
     parts, model = external.parts, external.parts.model
     whole = WholeSystem(parts, external.coupling, external.kept, external.origin)
     lagged = replace(external, boundary=BoundaryCoupling.LAGGED)
-    stores = SmallModels(external), SmallModels(whole), SmallModels(lagged)
-    store.setdefault(model.state, model)
-    for small in stores:
-        for mode in (Mode.LINEAR, Mode.HYBRID):
+    without_linear = Ladder(ladder.areas[:1], whole=True)
+
+    def models(family: ModelFamily) -> SmallModels:
+        small = SmallModels(family)
+        for mode in family.modes:
             small.get(model, mode)
-    return CaseStudy(parts, thresholds, external, *stores, store)
+        return small
+
+    store.setdefault(model.state, model)
+    return CaseStudy(
+        parts,
+        thresholds,
+        external,
+        ladder=models(ladder),
+        ladder_whole=models(without_linear),
+        partitioned=models(external),
+        whole=models(whole),
+        lagged=models(lagged),
+        store=store,
+    )
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,9 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.gramians import gramian_factors
 from gridfold.reduction.base import Parts, Reduction
 from gridfold.reduction.order import OrderRule, numerical_rank
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
+from gridfold.systems.statemap import StateMap
 
 Matrix = NDArray[np.float64]
 
@@ -67,13 +69,19 @@ class BalancedTruncation:
 
     @one_blas_thread
     def reduce(
-        self, system: LinearSystem, reference: Matrix, include: Matrix | None = None
+        self,
+        system: LinearSystem | DescriptorSystem,
+        reference: Matrix,
+        include: Matrix | None = None,
     ) -> Reduction:
         """Reduce `system`, whose states are deviations from `reference`, shape (n,).
 
         Deviations `include`, shape (n, k), are states of the reduced system too, besides those of
         the order. The projection then is the one that is orthogonal in x^T Wo x, as that of
         balanced truncation itself: a stable system stays stable, but (6) is no bound any more.
+
+        A DescriptorSystem is compressed first. What no output sees of `include` joins the lift
+        matrix without a state of its own.
         """
         parts = Parts.of(system)
         stable = parts.stable_system
@@ -84,6 +92,8 @@ class BalancedTruncation:
             lift, restrict = balance.extended(lift, restrict, parts.stable.restrict @ include)
         reduced = LinearSystem(restrict @ stable.a @ lift, restrict @ stable.b, stable.c @ lift)
         found = _finish(parts, reduced, lift, restrict, balance.values, reference)
+        if include is not None:
+            found = replace(found, state_map=_reaching(found.state_map, include))
         return found if reduced.n == r else replace(found, bound=None)
 
 
@@ -108,7 +118,7 @@ class SingularPerturbation:
         OrderRule(self.tolerance, self.order)
 
     @one_blas_thread
-    def reduce(self, system: LinearSystem, reference: Matrix) -> Reduction:
+    def reduce(self, system: LinearSystem | DescriptorSystem, reference: Matrix) -> Reduction:
         """Reduce `system`, whose states are deviations from `reference`, shape (n,)."""
         parts = Parts.of(system)
         stable = parts.stable_system
@@ -177,6 +187,22 @@ class _Balance:
         restrict: Matrix = np.vstack([strong[1], weak[1]])
         corrected = np.linalg.solve(restrict @ lift, restrict)
         return lift, np.asarray(corrected, dtype=np.float64)
+
+
+def _reaching(states: StateMap, include: Matrix) -> StateMap:
+    """The state map with the states `include` (n, k) in the range of its lift matrix.
+
+    Of x - T~ T x, which a compressed system does not have, no output sees anything. With Z = T x,
+    T~ + (x - T~ T x) Z^+ gives x back and leaves T T~ = I.
+    """
+    lift, restrict = states.lift_matrix, states.restrict_matrix
+    z = restrict @ include
+    missing = include - lift @ z
+    for _ in range(2):  # the second time for what rounding has left
+        missing = missing - lift @ (restrict @ missing)
+    if np.linalg.norm(missing) <= _KNOWN * np.linalg.norm(include):
+        return states
+    return replace(states, lift_matrix=lift + missing @ np.linalg.pinv(z, rcond=_KNOWN))
 
 
 def _balance(stable: LinearSystem) -> _Balance:

@@ -11,10 +11,16 @@ from scipy import linalg
 
 from gridfold.errors import OptionError
 from gridfold.numerics.spectral_split import InvariantPart, split_spectrum
+from gridfold.reduction.krylov import compress
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.statemap import StateMap
 
 Matrix = NDArray[np.float64]
+
+#: Error of the transfer matrix of a compressed system, in parts of its size: Hankel singular values
+#: are right to some 1e-9 of the first.
+_COMPRESSION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,20 +59,26 @@ class Reducer(Protocol):
     """A method of linear reduction; its options are its fields."""
 
     def reduce(self, system: LinearSystem, reference: Matrix) -> Reduction:
-        """Reduce `system`, whose states are deviations from `reference`, shape (n,)."""
+        """Reduce `system`, whose states are deviations from `reference`, shape (n,).
+
+        Those of this package take a DescriptorSystem as well.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
     """A system as the sum of its unstable or marginal part and its stable part."""
 
-    whole: LinearSystem
+    whole: LinearSystem | DescriptorSystem
     unstable: InvariantPart
     stable: InvariantPart
 
     @classmethod
-    def of(cls, system: LinearSystem) -> Parts:
-        """Split `system`."""
+    def of(cls, system: LinearSystem | DescriptorSystem) -> Parts:
+        """Split `system`; of a large one the stable part is compressed."""
+        if isinstance(system, DescriptorSystem):
+            found = compress(system, _COMPRESSION)
+            return cls(system, found.unstable, found.stable)
         return cls(system, *split_spectrum(system.a))
 
     @property
@@ -112,7 +124,7 @@ class _Joined:
         return StateMap(reference, self.lift, self.restrict)
 
 
-def check_order(order: int, system: LinearSystem, kept: int) -> None:
+def check_order(order: int, system: LinearSystem | DescriptorSystem, kept: int) -> None:
     """Raise OptionError unless kept <= `order` <= n.
 
     Parameters

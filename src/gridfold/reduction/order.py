@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
 from gridfold.reduction.base import check_order
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
 
 
@@ -40,14 +41,16 @@ class OrderRule:
         if self.order is not None and self.order < 1:
             raise OptionError(f"the order of a reduction must be at least 1: {self.order}")
 
-    def choose(self, values: NDArray[np.float64], system: LinearSystem, kept: int) -> int:
+    def choose(
+        self, values: NDArray[np.float64], system: LinearSystem | DescriptorSystem, kept: int
+    ) -> int:
         """Number of states r to keep of the stable part.
 
         Parameters
         ----------
         values : ndarray
             Hankel singular values of the stable part, in descending order.
-        system : LinearSystem
+        system : LinearSystem or DescriptorSystem
             The whole system.
         kept : int
             Number of states of unstable or marginal modes, kept besides.

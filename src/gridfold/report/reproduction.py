@@ -15,9 +15,10 @@ from gridfold.paper.record import (
     SystemFacts,
     paper_means,
 )
-from gridfold.paper.runs import PRINTED, BusRow, FaultErrors, SmallRun
+from gridfold.paper.runs import OURS, BusRow, FaultErrors, SmallRun
 from gridfold.paper.tables import (
     ADAPTIVE,
+    ADAPTIVE_PRINTED,
     ConditionRow,
     Means,
     StateRow,
@@ -34,9 +35,14 @@ _SHORT = {
     SmallRun.ADAPTIVE_PARTITIONED: "part.",
     SmallRun.ADAPTIVE_WHOLE: "whole",
 }
-_LAGGED = {
-    SmallRun.LINEAR_LAGGED: "linear",
-    SmallRun.ADAPTIVE_PARTITIONED_LAGGED: "part.",
+#: Further columns of Table I: machines retained and nothing switched, and the paper's form.
+_FURTHER = {
+    SmallRun.RETAINED: "retained",
+    SmallRun.LINEAR_PRINTED: "linear printed",
+    SmallRun.ADAPTIVE_PARTITIONED_PRINTED: "part. printed",
+    SmallRun.ADAPTIVE_WHOLE_PRINTED: "whole printed",
+    SmallRun.LINEAR_LAGGED: "linear lagged",
+    SmallRun.ADAPTIVE_PARTITIONED_LAGGED: "part. lagged",
 }
 _NAMES = {
     "detailed": "detailed",
@@ -50,11 +56,13 @@ def reproduction_tables(result: Reproduction) -> list[Table]:
     """Every table of a reproduction, in the paper's order."""
     tables = [system_table(result.system, result.system_calibrated)]
     if result.table1 is not None:
-        tables += [first_table(result.table1), lagged_table(result.table1)]
+        tables += [first_table(result.table1), forms_table(result.table1)]
     if result.table2:
         tables.append(second_table(result.table2))
     if result.table3 is not None:
-        tables.append(third_table(result.table3))
+        tables.append(third_table(result.table3, "our form"))
+    if result.table3_printed is not None:
+        tables.append(third_table(result.table3_printed, "the form printed in the paper"))
     if result.table4 is not None:
         tables.append(fourth_table(result.table4))
     if result.verdicts is not None:
@@ -78,7 +86,8 @@ def first_table(rows: Sequence[BusRow]) -> Table:
     with_calibrated = any(row.calibrated for row in rows)
     heads = ["bus", "machine", "paper", "CCT (s)", "paper", "margin (ms)"]
     heads += list(_SHORT.values())
-    heads += [f"{_SHORT[kind]} calib." for kind in ADAPTIVE] if with_calibrated else []
+    if with_calibrated:
+        heads += [f"{_FURTHER[kind]}, calibrated" for kind in ADAPTIVE_PRINTED]
     heads += [f"paper {name}" for name in _SHORT.values()]
     title = "Table I: largest RMS rotor-angle error of the study area (degrees)"
     table = _table(title, heads, 0)
@@ -86,27 +95,23 @@ def first_table(rows: Sequence[BusRow]) -> Table:
         table.add_row(*_first_row(row, with_calibrated))
     table.add_section()
     for name in ("mean", "largest"):
-        values = [_mean_text(means(rows, kind), name) for kind in PRINTED]
+        values = [_mean_text(means(rows, kind), name) for kind in OURS]
         if with_calibrated:
-            values += [_mean_text(means(rows, kind, True), name) for kind in ADAPTIVE]
+            values += [_mean_text(means(rows, kind, True), name) for kind in ADAPTIVE_PRINTED]
         paper = paper_means() if name == "mean" else _paper_largest()
         table.add_row(name, *[""] * 5, *values, *(f"{value:.2f}" for value in paper))
     return table
 
 
-def lagged_table(rows: Sequence[BusRow]) -> Table:
-    """Table I with exact and with lagged coupling."""
-    pairs = list(zip(PRINTED, _LAGGED, strict=False))
-    heads = ["bus"]
-    for exact, lagged in pairs:
-        heads += [f"{_SHORT[exact]} exact", f"{_LAGGED[lagged]} lagged"]
-    table = _table("Table I with the coupling of the paper (degrees)", heads, 0)
-    kinds = [kind for pair in pairs for kind in pair]
+def forms_table(rows: Sequence[BusRow]) -> Table:
+    """Table I with machines retained throughout, and in the paper's form with either coupling."""
+    title = "Table I in other forms (degrees); lagged: with the coupling of the paper"
+    table = _table(title, ["bus", *_FURTHER.values()], 0)
     for row in rows:
-        table.add_row(str(row.bus), *(_degrees(row.errors, kind) for kind in kinds))
+        table.add_row(str(row.bus), *(_degrees(row.errors, kind) for kind in _FURTHER))
     table.add_section()
     for name in ("mean", "largest"):
-        table.add_row(name, *(_mean_text(means(rows, kind), name) for kind in kinds))
+        table.add_row(name, *(_mean_text(means(rows, kind), name) for kind in _FURTHER))
     return table
 
 
@@ -120,10 +125,10 @@ def _first_row(row: BusRow, with_calibrated: bool) -> list[str]:
         f"{row.cct:.2f}",
         _NONE if paper is None else f"{paper.cct:.2f}",
         f"{row.margin_ms:.0f}",
-        *(_degrees(row.errors, kind) for kind in PRINTED),
+        *(_degrees(row.errors, kind) for kind in OURS),
     ]
     if with_calibrated:
-        texts += [_degrees(row.calibrated, kind, _NONE) for kind in ADAPTIVE]
+        texts += [_degrees(row.calibrated, kind, _NONE) for kind in ADAPTIVE_PRINTED]
     return texts + ([_NONE] * 3 if paper is None else [f"{value:.2f}" for value in paper.errors])
 
 
@@ -137,7 +142,7 @@ def second_table(rows: Sequence[StateRow]) -> Table:
     table = _table(title, heads, 2)
     for row in rows:
         texts = [row.published.symbol, row.published.unit]
-        for kind in PRINTED:
+        for kind in OURS:
             ours = row.errors.get(kind)
             theirs = getattr(row.published.errors, kind.value)
             texts += [_LOST if ours is None else f"{ours:.1e}", f"{theirs:.1e}"]
@@ -148,12 +153,14 @@ def second_table(rows: Sequence[StateRow]) -> Table:
     return table
 
 
-def third_table(columns: Mapping[str, Timing]) -> Table:
-    """Table III: times and their ratios to the detailed run."""
+def third_table(columns: Mapping[str, Timing], form: str) -> Table:
+    """Table III in a form: times and their ratios to the detailed run."""
     heads = ["model"]
     for name, item in columns.items():
         heads += [f"{name}: bus {item.bus} (ms)", "ratio", "paper (s)", "ratio"]
-    table = _table("Table III: CPU time of a run of 16 s, median of interleaved runs", heads, 1)
+    table = _table(
+        f"Table III, {form}: CPU time of a run of 16 s, median of interleaved runs", heads, 1
+    )
     for model, label in _NAMES.items():
         texts = [label]
         for item in columns.values():

@@ -20,7 +20,13 @@ from gridfold.runs.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MODE_COLORS = {Mode.DETAILED: PALETTE[1], Mode.HYBRID: PALETTE[4], Mode.LINEAR: PALETTE[5]}
+_MODE_COLORS = {
+    Mode.DETAILED: PALETTE[1],
+    Mode.RETAINED: PALETTE[4],
+    Mode.HYBRID: PALETTE[4],
+    Mode.LINEAR: PALETTE[5],
+    Mode.WHOLE: PALETTE[2],
+}
 #: Machines of "generator 23".
 MACHINES = ("23:1", "23:2")
 

@@ -13,6 +13,7 @@ from gridfold.equivalents.adaptive import Switch
 from gridfold.equivalents.compare import Comparison
 from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.equivalents.families import ReducedExternal
+from gridfold.equivalents.ladder import Ladder
 from gridfold.grid.case import Case, UnitKey
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
@@ -298,6 +299,40 @@ def reduction_facts(
         "Kept nonlinear": f"{kept} (column norm from {threshold:g} p.u.)",
         "Time": f"{seconds:.2f} s",
     }
+
+
+def ladder_table(family: Ladder) -> Table:
+    """The areas of a ladder: what is exact, where they meet, how they were reduced."""
+    table = Table(title="Areas", title_justify="left")
+    for name in ("model", "retained", "ports", "states", "order", "bound (p.u.)"):
+        table.add_column(name, overflow="fold")
+    for area in dict.fromkeys(family.areas):
+        bases, bound = area.bases, area.bases.bound
+        table.add_row(
+            area.mode.value,
+            ", ".join(map(str, area.retained)) or "none",
+            ", ".join(map(str, area.ports.buses)),
+            str(len(area.area.state_index)),
+            str(bases.order),
+            "none" if bound is None else f"{bound:.2e}",
+        )
+    return table
+
+
+def ladder_facts(family: Ladder, seconds: float, shown: int = 8) -> dict[str, str]:
+    """Singular values of the last area, what a step of each rung takes, and the time for all."""
+    values = family.areas[-1].bases.hankel_values
+    listed = [] if values is None else values[:shown].tolist()
+    steps = [f"{mode.value} {1e6 * spent:.1f}" for mode, spent in family.step_seconds.items()]
+    unused = [rung.value for rung in family.rungs if rung not in family.modes]
+    facts = {
+        "Hankel singular values": ", ".join(f"{value:.3g}" for value in listed) or "none",
+        "Microseconds a step": ", ".join(steps),
+        "Time": f"{seconds:.2f} s",
+    }
+    if unused:
+        facts["Not used"] = f"{', '.join(unused)}: no cheaper than the rung above"
+    return facts
 
 
 def switch_table(switches: Sequence[Switch]) -> Table:

@@ -121,7 +121,8 @@ def _open(
         # Locked before the work begins, so that two runs cannot both find it free.
         store = stack.enter_context(StudyStore.resume(target))
         refuse_other(store, study)
-    offline, contingencies = do_offline_work(study, start, count)
+    earlier = store.identity["settings"] if resume else None
+    offline, contingencies = do_offline_work(study, start, count, earlier)
     prepared = prepare(offline)
     identity = identity_of(offline)
     if resume:

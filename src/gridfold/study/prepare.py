@@ -7,23 +7,19 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
 from gridfold.equivalents.adaptive import SwitchingRule
+from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
-from gridfold.equivalents.families import (
-    COLUMN_NORM,
-    Mode,
-    ReducedExternal,
-    WholeSystem,
-    reduce_external,
-    whole_system,
-)
+from gridfold.equivalents.choice import Family, ModelSettings
+from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
+from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
@@ -32,7 +28,7 @@ from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.grid.timeline import initial_state
-from gridfold.partition import Partition, couple, partition, study_buses
+from gridfold.partition import Partition, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import basis_of
 from gridfold.runs.loading import load_case
@@ -43,16 +39,10 @@ from gridfold.study.generate import Contingency, list_contingencies
 from gridfold.study.own_devices import load_devices
 from gridfold.study.study_file import Study
 
+#: Models that do without a study area.
+_WITHOUT_AREA = (ModelKind.DETAILED, ModelKind.AUTO)
 #: Topologies of which small models are kept: those that contingencies at hand may share.
 _TOPOLOGIES = 8
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """Column norm in p.u. and angle deviation in degrees (infinite: linear, 0: hybrid always)."""
-
-    column_norm: float
-    angle_deg: float
 
 
 @dataclass(frozen=True)
@@ -69,8 +59,10 @@ class Offline:
         Its operating point.
     study_buses : frozenset of int
         The study area; empty where the detailed model needs none.
-    thresholds : Thresholds
-        Given, calibrated, or those of the paper.
+    settings : ModelSettings
+        The model that is simulated, with thresholds as given or calibrated.
+    reason : str or None
+        Why it was chosen, where the study leaves that open.
     reduced : bytes, optional
         The reduced external area, as in a file of :func:`gridfold.save_reduced`.
     device_files : tuple of Path
@@ -81,7 +73,8 @@ class Offline:
     case: Case
     power_flow: PowerFlowResult
     study_buses: frozenset[int]
-    thresholds: Thresholds
+    settings: ModelSettings
+    reason: str | None
     reduced: bytes | None
     device_files: tuple[Path, ...]
 
@@ -90,7 +83,7 @@ class Offline:
         """What tells one study from another."""
         digest = hashlib.sha256(self.case.fingerprint.encode())
         digest.update(self.study.model_dump_json().encode())
-        digest.update(repr((self.thresholds, sorted(self.study_buses))).encode())
+        digest.update(repr((self.settings, sorted(self.study_buses))).encode())
         digest.update(self.reduced or b"")
         return digest.hexdigest()
 
@@ -120,11 +113,15 @@ class Prepared:
 
 
 def do_offline_work(
-    study: Study, folder: Path, workers: int | None = None
+    study: Study,
+    folder: Path,
+    workers: int | None = None,
+    earlier: Mapping[str, Any] | None = None,
 ) -> tuple[Offline, tuple[Contingency, ...]]:
     """Case, power flow, thresholds and reduction of a study, and its contingencies.
 
-    Relative file names in the study start at `folder`; `workers` threads calibrate.
+    Relative file names in the study start at `folder`; `workers` threads calibrate. A study that goes
+    on takes the model of its `earlier` settings, :func:`describe`.
 
     Raises
     ------
@@ -136,14 +133,12 @@ def do_offline_work(
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, folder)
     model = _build(study, case, power_flow, load_devices(device_files))
-    thresholds, reduced = Thresholds(COLUMN_NORM, inf), None
-    kind = study.model.kind
-    if kind is not ModelKind.DETAILED:
-        parts = partition(model, buses)
-        thresholds = _thresholds(study, parts, contingencies, workers)
-        if kind is not ModelKind.WHOLE:
-            reduced = _reduce(study, parts, thresholds)
-    offline = Offline(study, case, power_flow, buses, thresholds, reduced, device_files)
+    parts = partition(model, buses) if buses else None
+    settings, reason, family = _chosen(study, model, parts, contingencies, workers, earlier)
+    reduced = None
+    if isinstance(family, Ladder | ReducedExternal):
+        reduced = _saved(family, settings.norm)
+    offline = Offline(study, case, power_flow, buses, settings, reason, reduced, device_files)
     return offline, contingencies
 
 
@@ -175,10 +170,10 @@ def prepare(offline: Offline) -> Prepared:
     small = None
     if family is not None:
         small = SmallModels(family, _TOPOLOGIES)
-        for mode in (Mode.LINEAR, Mode.HYBRID):
+        for mode in set(family.modes) - {Mode.DETAILED}:
             small.get(model, mode)
             small.limits(model, mode)
-    rule = SwitchingRule(offline.thresholds.angle_deg, study.model.longest_above)
+    rule = offline.settings.rule
     return Prepared(study, model, method, criterion, parts, small, rule, intact)
 
 
@@ -202,7 +197,7 @@ def _study_buses(study: Study, case: Case) -> frozenset[int]:
         return study_buses(case, areas=STUDY_AREAS[study.case.source])
     lists = study.contingencies
     places = (lists.bus_faults, lists.line_faults, lists.machine_trips)
-    if study.model.kind is ModelKind.DETAILED and "study area" not in places:
+    if study.model.kind in _WITHOUT_AREA and "study area" not in places:
         return frozenset()
     raise OptionError(f"case {case.name} has no study area of its own; give it in [study_area]")
 
@@ -214,39 +209,60 @@ def _build(
     return build_model(case, power_flow, devices=devices, on_limit=study.case.on_limit, loads=loads)
 
 
-def _thresholds(
+def _chosen(
     study: Study,
-    parts: Partition,
+    model: DetailedModel,
+    parts: Partition | None,
     contingencies: tuple[Contingency, ...],
     workers: int | None,
-) -> Thresholds:
-    """Those given; of the others the calibrated ones if that is asked for, else the paper's."""
-    wanted = study.model
-    norm, angle = wanted.column_norm, wanted.angle_deg
-    switches = wanted.kind in ANGLES_DEG
-    if wanted.calibrate and (norm is None or (angle is None and switches)):
-        norm, angle = _calibrated(study, parts, contingencies, workers)
-    norm = COLUMN_NORM if norm is None else norm
-    if not switches:
-        return Thresholds(norm, inf if wanted.kind is ModelKind.LINEAR else 0.0)
-    return Thresholds(norm, ANGLES_DEG[wanted.kind] if angle is None else angle)
+    earlier: Mapping[str, Any] | None,
+) -> tuple[ModelSettings, str | None, Family | None]:
+    """The model's settings, why it was chosen, and its family; None for the detailed model."""
+    kind, reason = study.model.kind, None
+    if earlier is not None:
+        kind, reason = ModelKind(earlier["model"]), earlier.get("model_reason")
+    settings = study.model.settings(kind)
+    if kind is ModelKind.AUTO:
+        settings = study.model.settings(ModelKind.ADAPTIVE)
+        chosen = choose_model(settings, model, parts, _work(study, model, contingencies))
+        return replace(settings, kind=chosen.kind), chosen.reason, chosen.family
+    if kind is ModelKind.DETAILED or parts is None:
+        return settings, reason, None
+    if study.model.calibrate:
+        settings = _calibrated(study, settings, parts, contingencies, workers)
+    family = settings.build(parts)
+    if isinstance(family, Ladder) and earlier is not None:
+        known = earlier.get("step_seconds", {})
+        family = replace(family, step_seconds={Mode(name): s for name, s in known.items()})
+    return settings, reason, family
+
+
+def _work(study: Study, model: DetailedModel, contingencies: tuple[Contingency, ...]) -> Work:
+    """What the study is going to simulate."""
+    stepper = choose_stepper(model, study.run.method, study.run.step).stepper
+    new = sum(not all(_leaves_intact(e) for e in item.events) for item in contingencies)
+    return Work(len(contingencies), round(study.run.t_end / stepper.step), new)
 
 
 def _calibrated(
     study: Study,
+    settings: ModelSettings,
     parts: Partition,
     contingencies: tuple[Contingency, ...],
     workers: int | None,
-) -> tuple[float, float | None]:
-    wanted = study.model
+) -> ModelSettings:
+    """The settings of a model of the paper with the thresholds that are not given calibrated."""
+    wanted, switches = study.model, settings.kind in ANGLES_DEG
+    if wanted.column_norm is not None and (wanted.angle_deg is not None or not switches):
+        return settings
     faults = [item.events for item in contingencies if all(_leaves_intact(e) for e in item.events)]
     if not faults:
         raise OptionError(
             "model.calibrate needs faults that clear themselves among the contingencies"
         )
     angle_kind = {
-        ModelKind.ADAPTIVE: ThresholdKind.PARTITIONED,
-        ModelKind.WHOLE: ThresholdKind.WHOLE,
+        ModelKind.PAPER: ThresholdKind.PARTITIONED,
+        ModelKind.PAPER_WHOLE: ThresholdKind.WHOLE,
     }.get(wanted.kind)
     what = {ThresholdKind.COLUMN_NORM} if wanted.column_norm is None else set()
     if angle_kind is not None and wanted.angle_deg is None:
@@ -256,14 +272,13 @@ def _calibrated(
         faults,
         t_end=study.run.t_end,
         stepper=choose_stepper(parts.model, study.run.method, study.run.step).stepper,
-        reducer=study.model.build_reducer(),
+        reducer=settings.reduction.build(ported=False),
         limit_deg=wanted.largest_error_deg,
         what=what,
         column_norm=wanted.column_norm,
         criterion=SynchronismCriterion(study.run.angle_limit_deg),
         workers=workers,
-        outputs=wanted.outputs,
-        coupling=wanted.coupling,
+        coupling=wanted.coupling or BoundaryCoupling.EXACT,
     )
     values = {kind: threshold.value for kind, threshold in found.thresholds.items()}
     missing = [kind.value for kind in what if values.get(kind) is None]
@@ -274,44 +289,35 @@ def _calibrated(
         )
     norm = values.get(ThresholdKind.COLUMN_NORM, wanted.column_norm)
     assert norm is not None
-    return norm, wanted.angle_deg if angle_kind is None else values.get(angle_kind)
+    angle = wanted.angle_deg
+    if angle_kind is not None and angle is None:
+        angle = values.get(angle_kind)
+    retain = replace(settings.retain, column_norm=norm)
+    return replace(settings, retain=retain, angle_deg=angle)
 
 
 def _leaves_intact(event: object) -> bool:
     return isinstance(event, BusFault) and not event.trip_bus
 
 
-def _reduce(study: Study, parts: Partition, thresholds: Thresholds) -> bytes:
-    family = reduce_external(
-        parts,
-        study.model.build_reducer(),
-        thresholds.column_norm,
-        study.model.outputs,
-        study.model.coupling,
-    )
+def _saved(family: Ladder | ReducedExternal, norm: float) -> bytes:
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "reduced.npz"
-        save_reduced(path, family, thresholds.column_norm)
+        save_reduced(path, family, norm)
         return path.read_bytes()
 
 
-def _family(
-    offline: Offline, model: DetailedModel
-) -> tuple[Partition | None, ReducedExternal | WholeSystem | None]:
-    kind = offline.study.model.kind
-    if kind is ModelKind.DETAILED:
-        inside = offline.study_buses
-        return (partition(model, inside) if inside else None), None
-    if kind is ModelKind.WHOLE:
-        parts = partition(model, offline.study_buses)
-        return parts, whole_system(parts, offline.thresholds.column_norm)
-    assert offline.reduced is not None
+def _family(offline: Offline, model: DetailedModel) -> tuple[Partition | None, Family | None]:
+    settings, inside = offline.settings, offline.study_buses
+    parts = partition(model, inside) if inside else None
+    if settings.kind is ModelKind.DETAILED or parts is None:
+        return parts, None
+    if offline.reduced is None:
+        return parts, settings.build(parts)
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "reduced.npz"
         path.write_bytes(offline.reduced)
-        family = load_reduced(path, model).family
-    if kind is ModelKind.PROJECTED:
-        family = replace(family, kept=family.parts.external_units)
+        family = settings.adopt(load_reduced(path, model).family)
     return family.parts, family
 
 
@@ -323,9 +329,10 @@ def _further_warnings(model: DetailedModel) -> list[str]:
 
 def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
     """The model and its settings for people and the report, ready for JSON."""
-    study, small = offline.study, prepared.small
+    small = prepared.small
     record: dict[str, Any] = {
-        "model": study.model.kind.value,
+        "model": offline.settings.kind.value,
+        "model_reason": offline.reason,
         "method": prepared.method.stepper.name,
         "step": prepared.method.stepper.step,
         "method_reason": prepared.method.reason,
@@ -337,16 +344,13 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
     }
     if small is None or prepared.parts is None:
         return record
-    angle = offline.thresholds.angle_deg
-    coupling = couple(prepared.parts)
+    family = small.family
+    assert isinstance(family, Ladder | ReducedExternal | WholeSystem)
     record |= {
-        "column_norm": offline.thresholds.column_norm,
-        "angle_deg": angle if isfinite(angle) else None,
-        "kept": [str(unit) for unit in coupling.kept(offline.thresholds.column_norm)],
+        **offline.settings.record(family),
         "tie_lines": len(prepared.parts.tie_lines),
         "external_machines": len(prepared.parts.external_units),
     }
-    if isinstance(small.family, ReducedExternal):
-        reduction = small.family.reduction
-        record |= {"order": reduction.order, "bound": reduction.bound}
+    if isinstance(family, Ladder):
+        record["step_seconds"] = {mode.value: s for mode, s in family.step_seconds.items()}
     return record

@@ -16,14 +16,21 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
-from gridfold.equivalents.model_kind import ModelKind, ReducerKind
+from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
+from gridfold.equivalents.model_kind import (
+    PRINTED,
+    ModelKind,
+    Outputs,
+    ReducerKind,
+    Weights,
+)
 from gridfold.errors import CaseFileError, OptionError, OutputError
+from gridfold.grid.number_ranges import parse_numbers
 from gridfold.io.results import replacing
 from gridfold.io.tables import read_text, read_toml, suggest
-from gridfold.reduction import Reducer
 from gridfold.runs.method import Method
 
 Positive = Annotated[float, Field(gt=0, lt=inf)]
@@ -115,17 +122,26 @@ class Model(_Section):
     """The model that is simulated; what is not given is as on the command line."""
 
     kind: ModelKind = Field(
-        default=ModelKind.ADAPTIVE, description="What stands for the external area after a fault."
+        default=ModelKind.AUTO, description="What stands for the external area after a fault."
     )
     column_norm: Positive | None = Field(
         default=None, description="Threshold of the column norm (p.u.)."
     )
+    retain_buses: str | None = Field(
+        default=None, description="Buses whose external machines are retained, instead."
+    )
+    retain: Annotated[int, Field(ge=0)] | None = Field(
+        default=None, description="How many external machines are retained, instead."
+    )
     angle_deg: NotNegative | None = Field(
         default=None, description="Threshold of the angle deviation."
     )
+    whole_deg: NotNegative | None = Field(
+        default=None, description="Angle deviation up to which the adaptive model is all linear."
+    )
     calibrate: bool = Field(
         default=False,
-        description="Find the thresholds that are not given from the faults of the study.",
+        description="Find the paper's thresholds that are not given from the faults of the study.",
     )
     largest_error_deg: Positive = Field(
         default=6.0, description="Error for which they are calibrated."
@@ -143,18 +159,33 @@ class Model(_Section):
         default=None,
         description="Modes of the whole grid that decay more slowly (1/s) stay exact, besides.",
     )
-    outputs: Outputs = Field(
-        default=Outputs.STATES,
-        description="What linear machines give to the network: their states, or voltages.",
+    weights: Weights | None = Field(
+        default=None, description="What is balanced: voltages at the interface, or all states."
     )
-    coupling: BoundaryCoupling = Field(
-        default=BoundaryCoupling.EXACT,
+    outputs: Outputs | None = Field(
+        default=None, description="Linear machines act through ports, or by their states."
+    )
+    coupling: BoundaryCoupling | None = Field(
+        default=None,
         description="Areas are solved together, or see each other a step late as in the paper.",
     )
 
-    def build_reducer(self) -> Reducer:
-        """What reduces the external area."""
-        return self.reducer.build(self.tolerance, self.order, self.slow_modes)
+    def settings(self, kind: ModelKind) -> ModelSettings:
+        """The model `kind` with these options."""
+        buses = self.retain_buses
+        chosen = None if buses is None else tuple(parse_numbers(buses, "model.retain_buses"))
+        return ModelSettings(
+            kind,
+            RetainSettings(self.column_norm, chosen, self.retain),
+            ReductionSettings(
+                self.reducer, self.tolerance, self.order, self.slow_modes, self.weights
+            ),
+            self.outputs,
+            self.coupling,
+            self.angle_deg,
+            self.whole_deg,
+            self.longest_above,
+        )
 
 
 class Run(_Section):
@@ -224,10 +255,12 @@ class Study(_Section):
             )
         if self.contingencies.start >= self.run.t_end:
             raise ValueError("contingencies.start must lie before run.t_end")
-        if (self.model.coupling, self.model.outputs) == (BoundaryCoupling.LAGGED, Outputs.POLAR):
-            raise ValueError("model.coupling 'lagged' needs model.outputs 'states'")
+        kind = self.model.kind
+        if self.model.calibrate and kind not in (*PRINTED, ModelKind.DETAILED):
+            raise ValueError(f"model.calibrate finds the paper's thresholds, not {kind.value}'s")
         try:
-            self.model.build_reducer()
+            settings = self.model.settings(kind)
+            settings.reduction.build(settings.ported)
         except OptionError as error:
             raise ValueError(f"model: {error}") from None
         return self

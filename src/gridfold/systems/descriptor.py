@@ -11,13 +11,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import block_array, csc_array, eye_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import block_array, csc_array, diags_array
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, SuperLU, eigs, splu
 
 from gridfold.errors import OptionError
 from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
+
+#: Pivots on the diagonal unless they are this much smaller than the largest entry of their column.
+_FACTORS: dict[str, Any] = {"diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+
+#: Up to this many states the largest eigenvalue is found from the matrix itself.
+_SMALL, _RADIUS_TOLERANCE = 60, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +105,57 @@ class DescriptorSystem:
         """A22^-T R for the columns of `rhs`, shape (k, j)."""
         return np.asarray(self._factors.solve(rhs, "T") if self.a22.shape[0] else rhs)
 
+    @property
+    def d(self) -> Matrix:
+        """D = 0, shape (p, m)."""
+        return np.zeros((self.p, self.m))
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest modulus of an eigenvalue of A in 1/s, to about a hundredth."""
+        if self.n < _SMALL:
+            return float(np.abs(np.linalg.eigvals(self.dense().a)).max(initial=0.0))
+        operator = LinearOperator(
+            (self.n, self.n), matvec=lambda x: self.apply(x.reshape(-1, 1))[:, 0], dtype=np.float64
+        )
+        start = np.random.default_rng(0).normal(size=self.n)
+        try:
+            found = eigs(operator, 1, v0=start, tol=_RADIUS_TOLERANCE, return_eigenvectors=False)
+        except ArpackNoConvergence:
+            raise OptionError("the largest eigenvalue of a linear system was not found") from None
+        return float(np.abs(found).max())
+
     def at(self, s: complex) -> Resolvent:
-        """The factored matrix s I - A, for many right-hand sides."""
-        shifted = self.a11 - s * eye_array(self.n)
-        matrix = block_array([[shifted, self.a12], [self.a21, self.a22]], format="csc")
-        return Resolvent(splu(matrix), self.n)
+        """The factored matrix s I - A, for many right-hand sides.
+
+        The algebraic equations border it, so that its factors stay sparse. Their order is found
+        once and serves all `s`.
+
+        Raises
+        ------
+        OptionError
+            If `s` is an eigenvalue of A.
+        """
+        matrix, unit, order = self._ordered
+        try:
+            factors = splu(matrix - s * unit, permc_spec="NATURAL", **_FACTORS)
+        except RuntimeError:
+            raise OptionError(f"{s} is an eigenvalue of the system") from None
+        return Resolvent(factors, self.n, order)
+
+    @cached_property
+    def _ordered(self) -> tuple[csc_array, csc_array, NDArray[np.int64]]:
+        """The bordered A and what stands for I, rows and columns in an order of little fill-in.
+
+        Minimum degree of the pattern of M + M^T is best for grids: devices and buses are small
+        blocks near the diagonal. Row j of the ordered matrix is row order[j].
+        """
+        matrix = block_array([[self.a11, self.a12], [self.a21, self.a22]], format="csc")
+        unit = diags_array((np.arange(matrix.shape[0]) < self.n).astype(float), format="csc")
+        away = matrix - 1j * max(self.radius, 1.0) * unit
+        order = np.argsort(splu(away, permc_spec="MMD_AT_PLUS_A", **_FACTORS).perm_c)
+        ordered, place = (csc_array(m[:, order].tocsr()[order]) for m in (matrix, unit))
+        return ordered, place, order
 
     def transfer(self, s: ArrayLike) -> NDArray[np.complex128]:
         """C (s I - A)^-1 B at the complex frequencies `s` in rad/s, shape (j,): shape (j, p, m)."""
@@ -133,6 +185,7 @@ class Resolvent:
 
     factors: SuperLU
     n: int
+    order: NDArray[np.int64]
 
     def solve(self, rhs: NDArray[Any]) -> NDArray[np.complex128]:
         """(s I - A)^-1 R for the columns of `rhs`, shape (n, j)."""
@@ -145,4 +198,6 @@ class Resolvent:
     def _solve(self, rhs: NDArray[Any], mode: str) -> NDArray[np.complex128]:
         full = np.zeros((self.factors.shape[0], rhs.shape[1]), dtype=np.complex128)
         full[: self.n] = -rhs
-        return np.asarray(self.factors.solve(full, mode)[: self.n])
+        solution = np.empty_like(full)
+        solution[self.order] = self.factors.solve(full[self.order], mode)
+        return np.asarray(solution[: self.n])

@@ -1,0 +1,97 @@
+"""Which model is cheapest for the work at hand: the detailed one unless a reduced one pays.
+
+A reduced model has to earn what it takes to make it: the reduction itself, and two detailed runs for
+every new topology. What cannot pay is not begun.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import dataclass, replace
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.choice import Family, ModelSettings
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.ladder import Ladder, step_seconds
+from gridfold.equivalents.model_kind import ModelKind
+from gridfold.errors import OptionError
+from gridfold.partition import Partition
+
+#: A reduced model is used where it is predicted to take less than this part of the detailed one.
+FACTOR = 0.8
+#: Reductions are begun where they are predicted to take less than this part of the detailed runs.
+OFFLINE_PART = 0.1
+#: Seconds that a reduction takes for each state of the external area, roughly.
+SECONDS_PER_STATE = 3e-3
+#: Detailed runs that a new topology costs.
+RUNS_PER_TOPOLOGY = 2.0
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be simulated: runs, steps of each, and topologies other than the intact one."""
+
+    runs: int
+    steps: int
+    topologies: int = 0
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The model that was chosen, why, and its family if it is a reduced one."""
+
+    kind: ModelKind
+    reason: str
+    family: Family | None = None
+
+
+def choose_model(
+    settings: ModelSettings, model: DetailedModel, parts: Partition | None, work: Work
+) -> Chosen:
+    """The detailed model, or the ladder where that is predicted to be cheaper.
+
+    Parameters
+    ----------
+    settings : ModelSettings
+        Options of the ladder, should it be chosen.
+    model : DetailedModel
+        The whole system.
+    parts : Partition or None
+        Study and external area; None where no study area is known.
+    work : Work
+        What is to be simulated.
+    """
+    detailed = ModelKind.DETAILED
+    if parts is None:
+        return Chosen(detailed, "no study area is given")
+    step = step_seconds(model, model.x0)
+    total = work.runs * work.steps * step
+    states = len(parts.states_of(parts.external_units))
+    expected = SECONDS_PER_STATE * states
+    runs = (
+        f"{work.runs} detailed {'run takes' if work.runs == 1 else 'runs take'} about {total:.2g} s"
+    )
+    if expected > OFFLINE_PART * total:
+        why = f"to reduce {states} external states would take about {expected:.2g} s"
+        return Chosen(detailed, f"{runs}; {why}")
+    began = clock.perf_counter()
+    try:
+        family = replace(settings, kind=ModelKind.ADAPTIVE).build(parts)
+    except OptionError as error:
+        return Chosen(detailed, f"the external area cannot be reduced: {error}")
+    spent = clock.perf_counter() - began
+    assert isinstance(family, Ladder)
+    share = _share(family)
+    reduced = total * share + RUNS_PER_TOPOLOGY * work.topologies * work.steps * step
+    why = (
+        f"the ladder is predicted to take {reduced:.2g} s, {share:.2f} of the detailed model a step"
+    )
+    if spent + reduced > FACTOR * total:
+        return Chosen(detailed, f"{runs}; {why}")
+    return Chosen(ModelKind.ADAPTIVE, f"{runs}; {why}", family)
+
+
+def _share(family: Ladder) -> float:
+    """Time of a step of the ladder in relation to the detailed one, with all its bands alike."""
+    spent = [family.step_seconds[mode] for mode in family.modes]
+    return sum(spent) / len(spent) / family.step_seconds[Mode.DETAILED]

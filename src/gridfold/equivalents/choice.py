@@ -1,0 +1,259 @@
+"""From the name of a model and its options to what simulates it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any
+
+from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.equivalents.adaptive import SwitchingRule
+from gridfold.equivalents.families import (
+    COLUMN_NORM,
+    ReducedExternal,
+    WholeSystem,
+    reduce_external,
+    whole_system,
+)
+from gridfold.equivalents.folded import PORT_TOLERANCE, FoldedArea, fold
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import (
+    ANGLES_DEG,
+    LONGEST_ABOVE,
+    PORTED,
+    WHOLE_DEG,
+    ModelKind,
+    Outputs,
+    ReducerKind,
+    Weights,
+)
+from gridfold.equivalents.saved import reducer_record
+from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
+from gridfold.grid.number_ranges import as_ranges
+from gridfold.partition import Partition, couple
+from gridfold.reduction import Reducer
+
+#: What stands for the external area.
+Family = Ladder | ReducedExternal | WholeSystem
+
+
+@dataclass(frozen=True)
+class ReductionSettings:
+    """How the external area is reduced; what is None takes the default of the model."""
+
+    reducer: ReducerKind | None = None
+    tolerance: float | None = None
+    order: int | None = None
+    slow_modes: float | None = None
+    weights: Weights | None = None
+
+    def build(self, ported: bool) -> Reducer:
+        """The reducer of a folded area, or of the paper's models."""
+        kind = self.reducer or ReducerKind.BALANCED
+        default = PORT_TOLERANCE if ported and self.weights is not Weights.STATES else None
+        return kind.build(self.tolerance, self.order, self.slow_modes, default)
+
+
+@dataclass(frozen=True)
+class RetainSettings:
+    """Which external machines stay nonlinear: from a column norm (p.u.), at buses, or the best few."""
+
+    column_norm: float | None = None
+    buses: tuple[int, ...] | None = None
+    count: int | None = None
+
+    def __post_init__(self) -> None:
+        if sum(value is not None for value in (self.column_norm, self.buses, self.count)) > 1:
+            raise OptionError(
+                "give one of the column norm, the buses and the number of retained machines"
+            )
+        if self.count is not None and self.count < 0:
+            raise OptionError(f"the number of retained machines must be 0 or more: {self.count}")
+
+    def choose(self, parts: Partition) -> tuple[UnitKey, ...]:
+        """The machines."""
+        if self.buses is not None:
+            found = tuple(u for u in parts.external_units if u.bus in set(self.buses))
+            strange = sorted(set(self.buses) - {unit.bus for unit in found})
+            if strange:
+                raise OptionError(f"no external machine to be retained is at bus {strange[0]}")
+            return found
+        if self.count is not None:
+            from gridfold.equivalents.ranking import rank_retained
+
+            return rank_retained(parts).first(self.count) if self.count else ()
+        return couple(parts).kept(COLUMN_NORM if self.column_norm is None else self.column_norm)
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """A model by name, with the options that are given; what is None takes the model's default."""
+
+    kind: ModelKind
+    retain: RetainSettings = RetainSettings()
+    reduction: ReductionSettings = ReductionSettings()
+    outputs: Outputs | None = None
+    coupling: BoundaryCoupling | None = None
+    angle_deg: float | None = None
+    whole_deg: float | None = None
+    longest_above: float | None = None
+
+    def __post_init__(self) -> None:
+        lagged = self.coupling is BoundaryCoupling.LAGGED
+        if lagged and self.outputs is Outputs.POLAR:
+            raise OptionError("the lagged coupling needs outputs 'states'")
+        if self.kind in PORTED and self.kind is not ModelKind.LINEAR and not self.ported:
+            what = "the lagged coupling" if lagged else "outputs 'states'"
+            raise OptionError(f"{what} has no effect on the {self.kind.value} model")
+        if self.kind not in PORTED and self.outputs is Outputs.POLAR:
+            raise OptionError(
+                f"the {self.kind.value} model forms states: outputs 'polar' is not its"
+            )
+
+    @property
+    def ported(self) -> bool:
+        """Whether linear machines act through ports."""
+        states = self.outputs is Outputs.STATES or self.coupling is BoundaryCoupling.LAGGED
+        return self.kind in PORTED and not states
+
+    @property
+    def norm(self) -> float:
+        """The column norm in p.u. from which the paper's models keep machines."""
+        norm = self.retain.column_norm
+        return COLUMN_NORM if norm is None else norm
+
+    @property
+    def rule(self) -> SwitchingRule:
+        """When which model is used."""
+        if self.kind is ModelKind.LINEAR:
+            return SwitchingRule(inf)
+        if self.kind is ModelKind.RETAINED:
+            return SwitchingRule(0.0, longest_above=inf)
+        if self.kind not in ANGLES_DEG:
+            return SwitchingRule(0.0)
+        angle, longest = self.angle_deg, self.longest_above
+        whole = 0.0
+        if self.kind is ModelKind.ADAPTIVE:
+            whole = WHOLE_DEG if self.whole_deg is None else self.whole_deg
+        return SwitchingRule(
+            ANGLES_DEG[self.kind] if angle is None else angle,
+            LONGEST_ABOVE if longest is None else longest,
+            whole_deg=whole,
+        )
+
+    def build(self, parts: Partition) -> Family:
+        """The models between which the rule switches."""
+        if not self.ported:
+            return self._printed(parts)
+        reducer = self.reduction.build(ported=True)
+        weights = self.reduction.weights or Weights.INTERFACE
+        retained = () if self.kind is ModelKind.LINEAR else self.retain.choose(parts)
+        return self.of_areas(lambda units: fold(parts, units, reducer, weights), retained)
+
+    def of_areas(
+        self,
+        folded: Callable[[tuple[UnitKey, ...]], FoldedArea],
+        retained: tuple[UnitKey, ...],
+    ) -> Ladder:
+        """The ladder of this model from areas `folded` with the machines that are retained."""
+        near = folded(retained)
+        if self.kind in (ModelKind.LINEAR, ModelKind.RETAINED):
+            return Ladder((near,))
+        if self.kind is ModelKind.WHOLE:
+            return Ladder((near,), whole=True).measured()
+        far = folded(()) if retained else near
+        return Ladder((near, far), whole=True).measured()
+
+    def adopt(self, family: Family) -> Family:
+        """The same from a family that was made before, as one from a file.
+
+        Raises
+        ------
+        OptionError
+            It lacks an area of this model, or is of another form.
+        """
+        if not isinstance(family, Ladder):
+            if self.ported:
+                raise OptionError(f"the {self.kind.value} model needs a file with outputs 'polar'")
+            return self._of_printed(family)
+        if not self.ported:
+            raise OptionError(f"the {self.kind.value} model needs a file with outputs 'states'")
+        found = {area.retained: area for area in family.areas}
+        retained = () if self.kind is ModelKind.LINEAR else family.retained
+        if self.kind is ModelKind.LINEAR and () not in found:
+            raise OptionError("the file has no area in which all external machines are linear")
+        ladder = self.of_areas(found.__getitem__, retained)
+        known = family.step_seconds
+        return replace(ladder, step_seconds=known) if known and ladder.step_seconds else ladder
+
+    def _printed(self, parts: Partition) -> ReducedExternal | WholeSystem:
+        if self.retain.buses is not None or self.retain.count is not None:
+            raise OptionError(f"the {self.kind.value} model keeps machines by their column norm")
+        if self.kind is ModelKind.PAPER_WHOLE:
+            return whole_system(parts, self.norm)
+        coupling = self.coupling or BoundaryCoupling.EXACT
+        reducer = self.reduction.build(ported=False)
+        return self._of_printed(reduce_external(parts, reducer, self.norm, coupling))
+
+    def _of_printed(self, family: Family) -> ReducedExternal | WholeSystem:
+        """With the machines kept, and the coupling, of this model."""
+        if not isinstance(family, ReducedExternal):
+            raise OptionError(f"the {self.kind.value} model needs a reduced external area")
+        coupling = family.boundary if self.coupling is None else self.coupling
+        kept = family.parts.external_units if self.kind is ModelKind.PROJECTED else family.kept
+        return replace(family, boundary=coupling, kept=kept)
+
+    def record(self, family: Family) -> dict[str, Any]:
+        """What the model is about, ready for JSON."""
+        rule, parts = self.rule, family.parts
+        record: dict[str, Any] = {"study_buses": as_ranges(parts.study_buses)}
+        if isinstance(family, Ladder):
+            record |= _ladder_record(family)
+        else:
+            record |= {"column_norm": self.norm, "kept": [str(unit) for unit in family.kept]}
+        if self.kind is ModelKind.PROJECTED or self.kind is ModelKind.LINEAR:
+            record.pop("column_norm", None)
+        if self.kind is ModelKind.LINEAR:
+            record["kept"] = []
+        if self.kind in ANGLES_DEG:
+            record |= {
+                name: _finite(getattr(rule, name)) for name in ("angle_deg", "longest_above")
+            }
+        if self.kind is ModelKind.ADAPTIVE:
+            record["whole_deg"] = rule.whole_deg
+        if isinstance(family, ReducedExternal):
+            record |= {
+                "coupling": family.boundary.value,
+                "outputs": Outputs.STATES.value,
+                "reducer": reducer_record(family.reducer),
+                "order": family.reduction.order,
+                "bound": family.reduction.bound,
+            }
+        return record
+
+
+def _ladder_record(family: Ladder) -> dict[str, Any]:
+    area = family.areas[0]
+    return {
+        "kept": [str(unit) for unit in family.retained],
+        "coupling": BoundaryCoupling.EXACT.value,
+        "outputs": Outputs.POLAR.value,
+        "reducer": reducer_record(area.reducer),
+        "ports": list(area.ports.buses),
+        "order": area.bases.order,
+        "bound": area.bases.bound,
+        "rungs": [
+            {
+                "model": rung.value,
+                "step_us": None if not family.step_seconds else 1e6 * family.step_seconds[rung],
+                "used": rung in family.modes,
+            }
+            for rung in dict.fromkeys(family.rungs)
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return None if value == inf else value

@@ -1,0 +1,103 @@
+"""Keep folded areas in a file: what they are projected on. All else is made anew from the case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.folded import Bases, FoldedArea, on_bases
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import Outputs
+from gridfold.grid.case import UnitKey
+from gridfold.partition import Partition, partition
+from gridfold.partition.port_area import area_states
+from gridfold.partition.ports import find_ports
+from gridfold.reduction import Reducer
+
+_PARTS = ("lift", "restrict", "weights", "hankel")
+
+
+def ladder_header(family: Ladder) -> dict[str, Any]:
+    """What a file says of a ladder, beside the case and the reducer."""
+    return {
+        "outputs": Outputs.POLAR.value,
+        "whole": family.whole,
+        "areas": [
+            {"retained": [list(unit) for unit in area.retained], "bound": area.bases.bound}
+            for area in family.areas
+        ],
+        "step_seconds": {mode.value: value for mode, value in family.step_seconds.items()},
+    }
+
+
+def ladder_arrays(family: Ladder) -> dict[str, NDArray[Any]]:
+    """The bases of each area, and the operating point that they belong to."""
+    arrays: dict[str, NDArray[Any]] = {
+        "x0": family.origin,
+        "state_names": np.array(family.parts.model.state_names, dtype=np.str_),
+    }
+    for k, area in enumerate(family.areas):
+        bases = area.bases
+        values = np.zeros(0) if bases.hankel_values is None else bases.hankel_values
+        arrays |= dict(
+            zip(_names(k), (bases.lift, bases.restrict, bases.weights, values), strict=True)
+        )
+    return arrays
+
+
+def build_ladder(
+    header: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+    model: DetailedModel,
+    reducer: Reducer,
+) -> Ladder:
+    """The ladder of a file, for `model`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        Something is missing, or has another type, shape or range than it should.
+    """
+    parts = partition(model, header["study_buses"])
+    areas = tuple(
+        _area(parts, record, [arrays[name] for name in _names(k)], reducer)
+        for k, record in enumerate(header["areas"])
+    )
+    if not areas:
+        raise ValueError("there is no area")
+    seconds = {Mode(name): float(value) for name, value in header["step_seconds"].items()}
+    family = Ladder(areas, bool(header["whole"]), seconds)
+    if seconds and set(seconds) != {Mode.DETAILED, *family.rungs}:
+        raise ValueError("step_seconds does not name the rungs")
+    return family
+
+
+def _area(
+    parts: Partition,
+    record: Mapping[str, Any],
+    arrays: list[NDArray[Any]],
+    reducer: Reducer,
+) -> FoldedArea:
+    retained = tuple(UnitKey(int(bus), str(name)) for bus, name in record["retained"])
+    linear = [unit for unit in parts.external_units if unit not in set(retained)]
+    ports = find_ports(parts.model, linear, parts.study_buses)
+    lift, restrict, weights, hankel = arrays
+    n, r, p = len(area_states(parts.model, ports)), np.shape(lift)[-1], 2 * len(ports.buses)
+    shapes = ((n, r), (r, n), (p, p), (len(hankel),))
+    for name, array, shape in zip(_PARTS, arrays, shapes, strict=True):
+        if array.shape != shape or array.dtype != np.float64:
+            raise ValueError(f"{name} has shape {array.shape} of {array.dtype}, expected {shape}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} is not finite")
+    bound = None if record["bound"] is None else float(record["bound"])
+    bases = Bases(lift, restrict, weights, hankel if len(hankel) else None, bound)
+    return on_bases(parts, retained, ports, reducer, bases)
+
+
+def _names(k: int) -> list[str]:
+    return [f"area{k}_{part}" for part in _PARTS]
