@@ -165,11 +165,11 @@ class FoldedArea:
         return _projected(self, area, model, point)
 
     def _ported(self, model: DetailedModel) -> PortModel:
-        index = self.area.state_index
-        buses, study = self.ports.buses, self.ports.study
+        ports, index = self.ports, self.area.state_index
         return build_port_model(
-            model, buses, study, self.linear_ports, index, self.states, self.origin
-        )
+            model, ports.buses, ports.study, ports.units, self.linear_ports, index, self.states,
+            self.origin,
+        )  # fmt: skip
 
     def _restricted(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(self.states.restrict_matrix @ rows)
@@ -314,7 +314,7 @@ def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
         c=area.log_slopes @ lift,
         current=area.current,
         voltage=area.voltage,
-        turned=area.log_slopes @ area.turn[:, 0] - np.repeat([0.0, 1.0], len(area.voltage)),
+        turned=area.turned,
     ), StateMap(area.x0, lift, restrict)
 
 

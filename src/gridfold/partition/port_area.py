@@ -48,6 +48,9 @@ class PortArea:
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
         What a common turn of all rotor angles by 1 rad does to the states.
+    turned : ndarray, shape (2 n_ports,)
+        By how much more than 1 rad logarithm and angle of J change when the currents of all linear
+        machines turn by 1 rad: 0 but for loads behind the ports that are no impedances.
     """
 
     ports: Ports
@@ -59,6 +62,7 @@ class PortArea:
     current: NDArray[np.complex128]
     log_slopes: Matrix
     turn: Matrix
+    turned: Matrix
 
 
 def interface_weights(model: DetailedModel, ports: Ports) -> Matrix:
@@ -119,11 +123,13 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
     machines = [unit in set(ports.units) for unit in model.layout.source_units]
     source = node_currents(model, x)[:, machines].sum(axis=1)
     current = _phasors(source[at] - passed_on @ source[inside])
+    ahead = np.concatenate([-source[len(source) // 2 :], source[: len(source) // 2]])
     least = np.minimum(np.abs(current), np.abs(voltage))
     if not least.all():
         dead = ports.buses[int(np.argmin(least))]
         raise OptionError(f"bus {dead} is no port: it has no voltage, or no machine feeds it")
     relative = _phasors(slopes) / current[:, None]
+    turned = _phasors(ahead[at] - passed_on @ ahead[inside]) / current - 1j
     angles = [name.startswith("rotor_angle:") for name in inner.state_names]
     return PortArea(
         ports,
@@ -135,6 +141,7 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
         current,
         np.vstack([relative.real, relative.imag]),
         np.array(angles, dtype=float)[:, None],
+        np.concatenate([turned.real, turned.imag]),
     )
 
 
