@@ -12,6 +12,7 @@ from gridfold.dynamics.layout import Group, build_layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_network import load_buses, port_network
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
+from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.statemap import StateMap
 
@@ -68,6 +69,7 @@ def build_port_model(
     model: DetailedModel,
     ports: Sequence[int],
     study: Collection[int],
+    units: Collection[UnitKey],
     area: LinearPorts,
     area_index: NDArray[np.int64],
     states: StateMap,
@@ -81,6 +83,8 @@ def build_port_model(
         The whole system in the network state wanted.
     ports, study : collections of int
         Bus numbers of the ports and of the study area, where loads stay as they are.
+    units : collection of UnitKey
+        The units of the linear area.
     area : LinearPorts
         The linear area as its ports know it.
     area_index : ndarray of int, shape (n,)
@@ -90,7 +94,7 @@ def build_port_model(
     origin : ndarray, shape (n_states,)
         The operating point.
     """
-    groups, index = _exact_groups(model, area_index)
+    groups, index = _exact_groups(model, set(units), set(area_index.tolist()))
     speeds = [(unit, "speed") for unit in area.movers.units] if area.movers is not None else []
     layout = build_layout(groups, [*ports, *load_buses(model, study)], speeds)
     values = dict(zip(model.layout.constant_names, model.constants, strict=True))
@@ -116,26 +120,23 @@ def build_port_model(
 
 
 def _exact_groups(
-    model: DetailedModel, area_index: NDArray[np.int64]
+    model: DetailedModel, linear: set[UnitKey], area: set[int]
 ) -> tuple[list[Group], NDArray[np.int64]]:
     """Devices without part in the area, and their states in order of their layout.
 
-    These are all devices of exact units, and others with states none of which is in the area.
+    These are all devices of units that are not linear, and others with states none of which is in the
+    area.
     """
-    linear, index = set(area_index.tolist()), [np.zeros(0, dtype=np.int64)]
     groups: list[Group] = []
-    behind = {
-        unit
-        for block in model.layout.blocks
-        for unit, column in zip(block.units, block.state_index.T, strict=True)
-        if linear.intersection(column.tolist())
-    }
+    index = [np.zeros(0, dtype=np.int64)]
     for block in model.layout.blocks:
-        apart = [
-            bool(column) and not linear.intersection(column)
-            for column in block.state_index.T.tolist()
+        columns = [
+            k
+            for k, (unit, states) in enumerate(
+                zip(block.units, block.state_index.T.tolist(), strict=True)
+            )
+            if unit not in linear or (states and not area.intersection(states))
         ]
-        columns = [k for k, unit in enumerate(block.units) if unit not in behind or apart[k]]
         if columns:
             units = [block.units[k] for k in columns]
             groups.append((block.device, units, np.ascontiguousarray(block.parameters[:, columns])))

@@ -107,7 +107,7 @@ class SwitchingRule:
         for mode, end in zip(modes[1:], ends, strict=True):
             if end > 0 and mode is not bands[-1].mode:
                 last = bands.pop()
-                bands += [] if end == np.inf else [Band(last.mode, last.highest, end)]
+                bands += [] if end == last.highest else [Band(last.mode, last.highest, end)]
                 bands += [Band(mode, end, 0.0)]
         return tuple(bands)
 

@@ -28,7 +28,9 @@ from gridfold.equivalents.model_kind import (
     ReducerKind,
     Weights,
 )
+from gridfold.equivalents.ranking import rank_retained
 from gridfold.equivalents.saved import reducer_record
+from gridfold.equivalents.swings import Swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.number_ranges import as_ranges
@@ -72,7 +74,7 @@ class RetainSettings:
         if self.count is not None and self.count < 0:
             raise OptionError(f"the number of retained machines must be 0 or more: {self.count}")
 
-    def choose(self, parts: Partition) -> tuple[UnitKey, ...]:
+    def choose(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
         """The machines."""
         if self.buses is not None:
             found = tuple(u for u in parts.external_units if u.bus in set(self.buses))
@@ -81,9 +83,7 @@ class RetainSettings:
                 raise OptionError(f"no external machine to be retained is at bus {strange[0]}")
             return found
         if self.count is not None:
-            from gridfold.equivalents.ranking import rank_retained
-
-            return rank_retained(parts).first(self.count) if self.count else ()
+            return rank_retained(parts, swings).first(self.count) if self.count else ()
         return couple(parts).kept(COLUMN_NORM if self.column_norm is None else self.column_norm)
 
 
@@ -149,8 +149,9 @@ class ModelSettings:
             return self._printed(parts)
         reducer = self.reduction.build(ported=True)
         weights = self.reduction.weights or Weights.INTERFACE
-        retained = () if self.kind is ModelKind.LINEAR else self.retain.choose(parts)
-        return self.of_areas(lambda units: fold(parts, units, reducer, weights), retained)
+        swings = sample_swings(parts)
+        retained = () if self.kind is ModelKind.LINEAR else self.retain.choose(parts, swings)
+        return self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
 
     def of_areas(
         self,

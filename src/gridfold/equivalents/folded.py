@@ -22,6 +22,7 @@ from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, p
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
+from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import ModalForm, modal_form
@@ -32,6 +33,7 @@ from gridfold.reduction import BalancedTruncation, Reducer
 from gridfold.reduction.order import OrderRule
 from gridfold.reduction.slow_modes import slow_modes
 from gridfold.systems.dense import DenseSystem
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
 from gridfold.systems.statemap import StateMap
@@ -180,11 +182,11 @@ class FoldedArea:
         return _projected(self, area, model, point)
 
     def _ported(self, model: DetailedModel) -> PortModel:
-        index = self.area.state_index
-        buses, study = self.ports.buses, self.ports.study
+        ports, index = self.ports, self.area.state_index
         return build_port_model(
-            model, buses, study, self.linear_ports, index, self.states, self.origin
-        )
+            model, ports.buses, ports.study, ports.units, self.linear_ports, index, self.states,
+            self.origin,
+        )  # fmt: skip
 
     def _restricted(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(self.states.restrict_matrix @ rows)
@@ -215,6 +217,7 @@ def fold(
     retained: Collection[UnitKey] = (),
     reducer: Reducer | None = None,
     weights: Weights = Weights.INTERFACE,
+    swings: Swings | None = None,
 ) -> FoldedArea:
     """Fold the external area behind its ports, at the equilibrium.
 
@@ -227,7 +230,10 @@ def fold(
     reducer : Reducer
         Balanced truncation to a bound of 2e-3 p.u. by default.
     weights : Weights
-        What is balanced: what the area causes at its ports, or all of its states alike.
+        What is balanced: what sample swings of the ports cause at them, or all of the area's states
+        for unit changes of the port voltages.
+    swings : tuple of ndarrays, optional
+        From :func:`sample_swings`, those after boundary faults by default.
 
     Raises
     ------
@@ -248,8 +254,11 @@ def fold(
     governed = limited_by_any_swing(parts.model, point.x, ports.units)
     area = _linearized(ports, parts.model, point.x, at_ports, governed)
     if weights is Weights.STATES:
-        area = replace(area, system=area.system.with_outputs(np.eye(area.system.n)))
-    bases = _bases(chosen, area, parts.model, at_ports)
+        driven = area.driven.with_outputs(np.eye(area.system.n))
+    else:
+        samples = sample_swings(parts) if swings is None else swings
+        driven = area.driven.with_input_weights(port_swings(area, parts, samples))
+    bases = _bases(chosen, driven, area, parts.model, at_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -268,10 +277,14 @@ def on_bases(
 
 
 def _bases(
-    reducer: Reducer, area: PortArea, model: DetailedModel, weights: NDArray[np.float64]
+    reducer: Reducer,
+    system: DescriptorSystem,
+    area: PortArea,
+    model: DetailedModel,
+    weights: NDArray[np.float64],
 ) -> Bases:
-    """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
-    system, reference = area.driven, area.x0
+    """Bases by which `reducer` truncates `system`; the common turn of all angles stays exact."""
+    reference = area.x0
     if not isinstance(reducer, BalancedTruncation):
         found = reducer.reduce(system.dense(), reference)
         maps, values = found.state_map, found.hankel_values
@@ -373,7 +386,7 @@ def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
         c=area.log_slopes @ lift,
         current=area.current,
         voltage=area.voltage,
-        turned=area.log_slopes @ area.turn[:, 0] - np.repeat([0.0, 1.0], len(area.voltage)),
+        turned=area.turned,
         movers=_power_inputs(area, lift, restrict),
     ), StateMap(area.x0, lift, restrict)
 

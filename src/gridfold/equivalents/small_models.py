@@ -13,7 +13,7 @@ from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import LinearLimits, linear_limits
-from gridfold.errors import InitializationError
+from gridfold.errors import InitializationError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
 
@@ -63,7 +63,10 @@ class SmallModels:
         return float(getattr(self._spent, "seconds", 0.0))
 
     def family_for(self, model: DetailedModel) -> ModelFamily | None:
-        """The family about the equilibrium of the network state; None if there is no equilibrium."""
+        """The family about the equilibrium of the network state.
+
+        None if there is no equilibrium, or if the linear area cannot be joined to the rest there.
+        """
         return self._family(model, self._topology(model))
 
     def get(self, model: DetailedModel, mode: Mode) -> SmallModel | None:
@@ -92,7 +95,7 @@ class SmallModels:
                     try:
                         point = find_equilibrium(model, self.family.origin)
                         known.family = self.family.moved(model, point)
-                    except InitializationError:
+                    except (InitializationError, OptionError):
                         known.family = None
                     known.complete = True
         return known.family

@@ -52,6 +52,9 @@ class PortArea:
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
         What a common turn of all rotor angles by 1 rad does to the states.
+    turned : ndarray, shape (2 n_ports,)
+        By how much more than 1 rad logarithm and angle of J change when the currents of all linear
+        machines turn by 1 rad: 0 but for loads behind the ports that are no impedances.
     movers : PrimeMovers or None
         Prime movers that do not belong to the area, though their machines do.
     """
@@ -65,6 +68,7 @@ class PortArea:
     current: NDArray[np.complex128]
     log_slopes: Matrix
     turn: Matrix
+    turned: Matrix
     movers: PrimeMovers | None = None
 
     @property
@@ -167,11 +171,13 @@ def linearize_ports(
     machines = [unit in set(ports.units) for unit in model.layout.source_units]
     source = node_currents(model, x)[:, machines].sum(axis=1)
     current = _phasors(source[at] - passed_on @ source[inside])
+    ahead = np.concatenate([-source[len(source) // 2 :], source[: len(source) // 2]])
     least = np.minimum(np.abs(current), np.abs(voltage))
     if not least.all():
         dead = ports.buses[int(np.argmin(least))]
         raise OptionError(f"bus {dead} is no port: it has no voltage, or no machine feeds it")
     relative = _phasors(slopes) / current[:, None]
+    turned = _phasors(ahead[at] - passed_on @ ahead[inside]) / current - 1j
     angles = [name.startswith("rotor_angle:") for name in inner.state_names]
     return PortArea(
         ports,
@@ -183,6 +189,7 @@ def linearize_ports(
         current,
         np.vstack([relative.real, relative.imag]),
         np.array(angles, dtype=float)[:, None],
+        np.concatenate([turned.real, turned.imag]),
         movers,
     )
 

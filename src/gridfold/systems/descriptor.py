@@ -101,6 +101,12 @@ class DescriptorSystem:
         """The same with the outputs y = C x."""
         return replace(self, c=c)
 
+    def with_input_weights(self, weights: Matrix) -> DescriptorSystem:
+        """The same with the first k inputs u = L w, for `weights` L of shape (k, k)."""
+        k = len(weights)
+        b1, b2 = (np.hstack([b[:, :k] @ weights, b[:, k:]]) for b in (self.b1, self.b2))
+        return replace(self, b1=b1, b2=b2)
+
     def algebraic_transposed(self, rhs: Matrix) -> Matrix:
         """A22^-T R for the columns of `rhs`, shape (k, j)."""
         return np.asarray(self._factors.solve(rhs, "T") if self.a22.shape[0] else rhs)
