@@ -39,8 +39,8 @@ from gridfold.systems.protocol import System
 from gridfold.systems.statemap import StateMap
 
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
-#: at ports and kept machines in p.u. for a port voltage that changes by 1 rad or by the factor e.
-PORT_TOLERANCE = 2e-3
+#: at ports and kept machines in p.u., for port voltages that swing as in the samples.
+PORT_TOLERANCE = 1e-3
 #: States of an area up to which its matrix is formed to be reduced.
 DENSE_UP_TO = 500
 
@@ -228,7 +228,7 @@ def fold(
     retained : collection of UnitKey
         External machines that stay exact.
     reducer : Reducer
-        Balanced truncation to a bound of 2e-3 p.u. by default.
+        Balanced truncation to a bound of 1e-3 p.u. by default.
     weights : Weights
         What is balanced: what sample swings of the ports cause at them, or all of the area's states
         for unit changes of the port voltages.
