@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, SmallModel
@@ -90,6 +91,11 @@ class Ladder:
         """State of the whole system at the operating point."""
         return self.areas[0].origin
 
+    @property
+    def how(self) -> str:
+        """How its areas came about."""
+        return "; ".join(dict.fromkeys(area.how for area in self.areas))
+
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of the units that are linear in `mode` that act at the operating point."""
         return self._area(mode).held_at_limits(mode)
@@ -100,7 +106,8 @@ class Ladder:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
         """About another operating point; what steps cost is known."""
-        return replace(self, areas=tuple(area.moved(model, point) for area in self.areas))
+        grid = grid_descriptor(model, point.x)
+        return replace(self, areas=tuple(area.moved(model, point, grid) for area in self.areas))
 
     def measured(self, stepper: Stepper | None = None) -> Ladder:
         """The same with what a step of each rung takes on this machine, by Runge-Kutta if not told."""

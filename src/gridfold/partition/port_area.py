@@ -123,6 +123,7 @@ def linearize_ports(
     x: Matrix,
     weights: Matrix,
     movers: PrimeMovers | None = None,
+    grid: DescriptorSystem | None = None,
 ) -> PortArea:
     """Linearize the area behind `ports` at the state `x` of the whole system.
 
@@ -138,13 +139,16 @@ def linearize_ports(
         How changes of the port currents count in the outputs.
     movers : PrimeMovers, optional
         Prime movers that are left out of it, at `x`.
+    grid : DescriptorSystem, optional
+        The whole linearized there, if that is known.
 
     Raises
     ------
     OptionError
         A port has no voltage, or no machine feeds it.
     """
-    grid, index, row = grid_descriptor(model, x), area_states(model, ports), _rows(model)
+    grid = grid_descriptor(model, x) if grid is None else grid
+    index, row = area_states(model, ports), _rows(model)
     own = grid.a11
     if movers is not None:
         index = np.setdiff1d(index, movers.state_index)
