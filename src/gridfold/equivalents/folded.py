@@ -2,7 +2,8 @@
 
 The study area and the machines that are retained stay exact. All others are linear, balanced for what
 they cause at the ports, and truncated. What a projection needs is found once, for the intact network;
-about any other operating point the area is linearized anew and projected on the same bases.
+about any other operating point with the same machines the area is linearized anew and projected on the
+same bases.
 """
 
 from __future__ import annotations
@@ -160,9 +161,16 @@ class FoldedArea:
         return SmallModel(system, WholeCoordinates(ported, states), 0, model.layout.source_units)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> FoldedArea:
-        """Linearized anew about `point`, the equilibrium of `model`, on the bases that are there."""
-        area = _linearized(self.ports, model, point.x, self.bases.weights)
-        return _projected(self, area, model, point)
+        """Linearized anew about `point`, the equilibrium of `model`, on the bases that are there.
+
+        Where linear machines are out, the bases are found anew: in these the common turn is one of
+        the machines that are left.
+        """
+        weights = self.bases.weights
+        area = _linearized(self.ports, model, point.x, weights)
+        out = model.state.units_out.intersection(self.ports.units)
+        known = replace(self, bases=_bases(self.reducer, area, weights)) if out else self
+        return _projected(known, area, model, point)
 
     def _ported(self, model: DetailedModel) -> PortModel:
         ports, index = self.ports, self.area.state_index

@@ -11,15 +11,18 @@ beside an admittance that belongs to the network. What happens in the rest chang
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import diags_array
 
 from gridfold.dynamics.descriptor import grid_descriptor, node_currents
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import real_form
 from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
 from gridfold.partition.ports import Ports
 from gridfold.systems.descriptor import DescriptorSystem
 
@@ -36,7 +39,8 @@ class PortArea:
         Where it meets the rest.
     system : DescriptorSystem
         A and B of its machines, with angles, then logarithms of magnitudes of the port voltages as
-        inputs; its outputs are changes of the port currents, weighed.
+        inputs; its outputs are changes of the port currents, weighed. States of machines that are
+        out decay, seen by nothing.
     state_index : ndarray of int, shape (n,)
         Positions of its states in the state vector of the whole model.
     x0, drift : ndarrays, shape (n,)
@@ -47,7 +51,8 @@ class PortArea:
     log_slopes : ndarray, shape (2 n_ports, n)
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
-        What a common turn of all rotor angles by 1 rad does to the states.
+        What a common turn of all rotor angles by 1 rad does to the states; machines that are out
+        do not turn.
     turned : ndarray, shape (2 n_ports,)
         By how much more than 1 rad logarithm and angle of J change when the currents of all linear
         machines turn by 1 rad: 0 but for loads behind the ports that are no impedances.
@@ -100,7 +105,8 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
     OptionError
         A port has no voltage, or no machine feeds it.
     """
-    grid, index, row = grid_descriptor(model, x), area_states(model, ports), _rows(model)
+    grid, index, row = grid_descriptor(model, x), area_states(model, ports.units), _rows(model)
+    idle = np.isin(index, area_states(model, model.state.units_out))
     inside = _both(model, [row[bus] for bus in sorted(ports.inside) if bus in row])
     at = _both(model, [_port_row(row, bus) for bus in ports.buses])
     voltage = model.bus_voltages(x[None, :])[0][[model.case.bus_index[b] for b in ports.buses]]
@@ -108,7 +114,7 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
     driven = np.vstack([polar.real, polar.imag])
     by_node, into_node, between = grid.a12[index], grid.a21[:, index], grid.a22
     inner = DescriptorSystem(
-        a11=grid.a11[index][:, index],
+        a11=grid.a11[index][:, index] - diags_array(idle.astype(float)),
         a12=by_node[:, inside],
         a21=into_node[inside],
         a22=between[inside][:, inside],
@@ -140,14 +146,14 @@ def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matr
         voltage,
         current,
         np.vstack([relative.real, relative.imag]),
-        np.array(angles, dtype=float)[:, None],
+        (np.array(angles) & ~idle).astype(float)[:, None],
         np.concatenate([turned.real, turned.imag]),
     )
 
 
-def area_states(model: DetailedModel, ports: Ports) -> NDArray[np.int64]:
-    """Positions of the states of the linear machines in the state vector of the whole model."""
-    wanted = set(ports.units)
+def area_states(model: DetailedModel, units: Collection[UnitKey]) -> NDArray[np.int64]:
+    """Positions of the states of `units` in the state vector of the whole model."""
+    wanted = set(units)
     columns = [
         column
         for block in model.layout.blocks
