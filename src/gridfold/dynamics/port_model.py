@@ -125,5 +125,3 @@ def _exact_groups(
             groups.append((block.device, units, np.ascontiguousarray(block.parameters[:, columns])))
             index.append(block.state_index[:, columns].ravel())
     return groups, np.concatenate(index)
-
-
