@@ -6,7 +6,7 @@ kernels over all its units at once. All kernels have one signature,
     kernel(x, u, p, y, dx)
 
 with matrices of shape (rows, units): states `x`, inputs `u`, parameters `p`, algebraic outputs `y`,
-derivatives `dx`. They are called in three stages:
+derivatives `dx`. A kernel indexes them by row and unit, ``x[ROW, i]``. They are called in three stages:
 
 1. ``source``      x, p       -> the first rows of y: the Norton current, and what is worth keeping;
 2. ``output``      x, u, p, y -> the other rows of y (the network voltages are known now);

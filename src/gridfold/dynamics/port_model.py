@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.layout import Group, Layout, build_layout
+from gridfold.dynamics.layout import Group, build_layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import build_equations, compile_with_loads
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
-from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.statemap import StateMap
 

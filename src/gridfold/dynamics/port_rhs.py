@@ -42,6 +42,7 @@ from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import compile_callback, compiled_part, matrix_view
 from gridfold.numerics.elementary import angle, exponential, logarithm, sine_cosine
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+from gridfold.numerics.unit_matrix import given_matrix, result_matrix, state_matrix
 
 # The header goes on behind that of the detailed model.
 (
@@ -126,7 +127,7 @@ class LinearPorts:
         coupling = np.zeros(self.order)
         coupling[self.order - 2 * len(self.coupling) :] = *self.coupling, *-self.coupling
         zero = np.concatenate([np.angle(self.current), np.log(np.abs(self.voltage))])
-        columns = np.zeros((2 * (n_ports + n_ports % 2), self.order))
+        columns = np.zeros((max(2 * (n_ports + n_ports % 2), 4), self.order))
         columns[: 2 * n_ports] = self.b.T[_by_port(n_ports)]
         return _filled(np.stack([self.diagonal, coupling, self.offset - self.b @ zero, *columns]))
 
@@ -164,7 +165,7 @@ def pack_port_rhs(
     header[[SLOPES_AT, AREA_AT]] = data.reals.add(area.slopes), data.reals.add(area.rows)
     header[LANES] = _LANES  # read while running: a loop of known length would be unrolled instead
     header[PORT_WORK_AT] = data.work_size
-    header[AREA_WORK_AT] = data.work_size + _up(len(ports), _LANES) * _PORT_ROWS
+    header[AREA_WORK_AT] = data.work_size + max(_up(len(ports), _LANES), _LANES) * _PORT_ROWS
     return CompiledRhs(
         address=_compiled().address,
         integers=np.concatenate([header, data.integers.join()]),
@@ -256,24 +257,29 @@ def _take_logarithms(rows, lanes):
 def _move_area(integers, reals, work, dz):
     """Set z' from the inputs, two ports at a time."""
     order, length, n_pairs = integers[ORDER], integers[LENGTH], integers[N_PAIRS]
-    states = matrix_view(work, integers[AREA_WORK_AT], _AREA_ROWS, length)
-    first = order - 2 * n_pairs
+    pairs = work[integers[AREA_WORK_AT] + order - 2 * n_pairs :]
+    seconds, of_firsts, of_seconds = pairs[n_pairs:], pairs[length:], pairs[length + n_pairs :]
     for k in range(n_pairs):
-        states[1, first + k] = states[0, first + n_pairs + k]
+        of_firsts[k] = seconds[k]
     for k in range(n_pairs):
-        states[1, first + n_pairs + k] = states[0, first + k]
-    m = matrix_view(reals, integers[AREA_AT], 3, length)
+        of_seconds[k] = pairs[k]
+    states = state_matrix(work, integers[AREA_WORK_AT], 2, length)
+    rates = result_matrix(work, integers[AREA_WORK_AT] + 2 * length, 1, length)
+    m = given_matrix(reals, integers[AREA_AT], 7, length)
+    rows = matrix_view(work, integers[PORT_WORK_AT], _PORT_ROWS, _LANES)
+    u_0, u_1, u_2, u_3 = rows[6, 0], rows[7, 0], rows[6, 1], rows[7, 1]
     for k in range(length):
-        states[2, k] = m[2, k] + m[0, k] * states[0, k] + m[1, k] * states[1, k]
-    for p in range(0, integers[N_PORTS], 2):
-        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        own = m[0, k] * states[0, k] + m[1, k] * states[1, k] + m[2, k]
+        rates[0, k] = own + m[3, k] * u_0 + m[4, k] * u_1 + m[5, k] * u_2 + m[6, k] * u_3
+    for p in range(2, integers[N_PORTS], 2):
         q = p % _LANES
-        b = matrix_view(reals, integers[AREA_AT] + (3 + 2 * p) * length, 4, length)
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        b = given_matrix(reals, integers[AREA_AT] + (3 + 2 * p) * length, 4, length)
         u_0, u_1, u_2, u_3 = rows[6, q], rows[7, q], rows[6, q + 1], rows[7, q + 1]
         for k in range(length):
-            states[2, k] += b[0, k] * u_0 + b[1, k] * u_1 + b[2, k] * u_2 + b[3, k] * u_3
+            rates[0, k] += b[0, k] * u_0 + b[1, k] * u_1 + b[2, k] * u_2 + b[3, k] * u_3
     for k in range(order):
-        dz[k] = states[2, k]
+        dz[k] = rates[0, k]
 
 
 def _port_rhs(integers, reals, work, v, dv):

@@ -122,7 +122,7 @@ def sine_cosine(x):
 
 @_function
 def logarithm(x):
-    """ln x; minus infinity at zero, not a number below."""
+    """Natural logarithm; minus infinity at zero, not a number below."""
     shifted = _bits_of(x) + _TO_SQRT_HALF
     n = _double_of((shifted >> 52) | _WHOLE) - (2.0**52 + 1023)
     m = _double_of((shifted & _MANTISSA) + (_ONE - _TO_SQRT_HALF))

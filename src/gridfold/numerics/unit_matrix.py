@@ -22,7 +22,6 @@ from numba.extending import (
     type_callable,
 )
 
-
 #: What a kernel's matrices are to it.
 ROLES = ("x", "u", "p", "y", "dx")
 
@@ -128,24 +127,33 @@ def _tell_apart(builder, access, kind):
     access.set_metadata("noalias", module.add_metadata(others))
 
 
-def _unit_matrix(typing_context, vector, offset, rows, units):
-    if not isinstance(vector, types.Array) or vector.layout != "C":
-        return None
-    kind = UnitMatrix(vector.dtype)
+def _view(role: str = "") -> Any:
+    def view(typing_context, vector, offset, rows, units):
+        if not isinstance(vector, types.Array) or vector.layout != "C":
+            return None
+        kind = UnitMatrix(vector.dtype, role)
 
-    def generate(context, builder, signature, values):
-        base = context.make_array(signature.args[0])(context, builder, values[0])
-        start, n_rows, n_units = (
-            context.cast(builder, value, given, types.intp)
-            for value, given in zip(values[1:], signature.args[1:], strict=True)
-        )
-        view = cgutils.create_struct_proxy(kind)(context, builder)
-        view.data, view.rows, view.units = builder.gep(base.data, [start]), n_rows, n_units
-        return view._getvalue()
+        def generate(context, builder, signature, values):
+            base = context.make_array(signature.args[0])(context, builder, values[0])
+            start, n_rows, n_units = (
+                context.cast(builder, value, given, types.intp)
+                for value, given in zip(values[1:], signature.args[1:], strict=True)
+            )
+            matrix = cgutils.create_struct_proxy(kind)(context, builder)
+            matrix.data = builder.gep(base.data, [start])
+            matrix.rows, matrix.units = n_rows, n_units
+            return matrix._getvalue()
 
-    return kind(vector, offset, rows, units), generate
+        return kind(vector, offset, rows, units), generate
+
+    return intrinsic(view)
 
 
 #: ``unit_matrix(vector, offset, rows, units)``: such a matrix inside a flat vector, or another array
 #: in C order. Nothing is copied and nothing is checked; it is valid as long as `vector` lives.
-unit_matrix: Any = intrinsic(_unit_matrix)
+unit_matrix: Any = _view()
+#: The same where the compiler may rely on it that what is given, what changes and what is written in
+#: one function do not overlap.
+given_matrix: Any = _view("p")
+state_matrix: Any = _view("x")
+result_matrix: Any = _view("dx")
