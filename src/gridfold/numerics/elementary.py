@@ -50,9 +50,17 @@ _bits_of: Any = intrinsic(_bits)
 _double_of: Any = intrinsic(_double)
 
 
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,
+}
+
+
 def _function(function: Any) -> Any:
     """Compile without reordering; products may be fused into sums."""
-    return njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)(function)
+    return njit(**_OPTIONS)(function)
 
 
 @_function

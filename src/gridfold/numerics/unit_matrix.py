@@ -26,7 +26,7 @@ from numba.extending import (
 ROLES = ("x", "u", "p", "y", "dx")
 
 
-class UnitMatrix(types.Type):  # type: ignore[misc]
+class UnitMatrix(types.Type):
     """Numba type of a matrix of `dtype`; kernels know each of theirs by another `role`."""
 
     def __init__(self, dtype: Any, role: str = ""):
@@ -35,7 +35,7 @@ class UnitMatrix(types.Type):  # type: ignore[misc]
 
 
 @register_model(UnitMatrix)
-class _Model(models.StructModel):  # type: ignore[misc]
+class _Model(models.StructModel):
     def __init__(self, manager: Any, kind: UnitMatrix):
         members = [
             ("data", types.CPointer(kind.dtype)),

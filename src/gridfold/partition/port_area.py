@@ -76,7 +76,9 @@ def interface_weights(model: DetailedModel, ports: Ports) -> Matrix:
     return np.asarray(np.linalg.qr(real_form(caused), mode="r"))
 
 
-def linearize_ports(ports: Ports, model: DetailedModel, x: Matrix, weights: Matrix) -> PortArea:
+def linearize_ports(
+    ports: Ports, model: DetailedModel, x: Matrix, weights: Matrix
+) -> PortArea:
     """Linearize the area behind `ports` at the state `x` of the whole system.
 
     Parameters

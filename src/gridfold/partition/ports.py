@@ -44,7 +44,9 @@ class Ports:
     study: frozenset[int]
 
 
-def find_ports(model: DetailedModel, linear: Collection[UnitKey], study: Collection[int]) -> Ports:
+def find_ports(
+    model: DetailedModel, linear: Collection[UnitKey], study: Collection[int]
+) -> Ports:
     """The ports between the `linear` machines and the rest, of which the `study` buses are a part.
 
     Raises

@@ -54,9 +54,7 @@ class FoldedArea:
         return SmallModel(built, built, 0, self.ports.units)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> "FoldedArea":
-        return _fold(
-            self.parts, self.coupling, self.ports, self.weights, self.reducer, model, point
-        )
+        return _fold(self.parts, self.coupling, self.ports, self.weights, self.reducer, model, point)
 
 
 def fold(
@@ -93,9 +91,7 @@ def _fold(parts, coupling, ports, weights, reducer, model, point):
         area.voltage,
     )
     at_limits = limits_touched(model, point.x, ports.units)
-    return FoldedArea(
-        parts, coupling, ports, reduction, area, lp, states, weights, point.x, reducer, at_limits
-    )
+    return FoldedArea(parts, coupling, ports, reduction, area, lp, states, weights, point.x, reducer, at_limits)
 
 
 def pair_order(form: ModalForm) -> tuple[NDArray[np.int64], int]:
