@@ -2,7 +2,8 @@
 
 The study area and the machines that are retained stay exact. All others are linear, balanced for what
 they cause at the ports, and truncated. What a projection needs is found once, for the intact network;
-about any other operating point the area is linearized anew and projected on the same bases.
+about any other operating point with the same machines the area is linearized anew and projected on the
+same bases.
 """
 
 from __future__ import annotations
@@ -198,13 +199,14 @@ class FoldedArea:
     ) -> FoldedArea:
         """Linearized anew about `point`, the equilibrium of `model`, where `grid` may be known.
 
-        It is projected on the bases that are there, unless they miss too much of it: then it is
-        reduced anew.
+        It is projected on the bases that are there, unless they miss too much of it, or linear
+        machines are out, whose part in the common turn the bases know: then it is reduced anew.
         """
         area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
         miss, usual = _miss(self.bases, area), self.bases.miss
         told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
-        if miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
+        out = model.state.units_out.intersection(self.ports.units)
+        if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
             known = replace(self, how=f"linearized anew; {told}")
         else:
             bases = _bases(self.reducer, area, model, self.bases.weights, self.bases.input_weights)

@@ -15,7 +15,6 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Outputs
 from gridfold.grid.case import UnitKey
 from gridfold.partition import Partition, partition
-from gridfold.partition.port_area import area_states
 from gridfold.partition.ports import find_ports
 from gridfold.reduction import Reducer
 
@@ -95,7 +94,7 @@ def _area(
     linear = [unit for unit in parts.external_units if unit not in set(retained)]
     ports = find_ports(parts.model, linear, parts.study_buses)
     lift, restrict, weights, swings, hankel = arrays
-    n, r, p = len(area_states(parts.model, ports)), np.shape(lift)[-1], 2 * len(ports.buses)
+    (n, r), p = np.shape(lift), 2 * len(ports.buses)
     shapes = ((n, r), (r, n), (p, p), (p, p) if swings.size else (0, 0), (len(hankel),))
     for name, array, shape in zip(_PARTS, arrays, shapes, strict=True):
         if array.shape != shape or array.dtype != np.float64:
@@ -105,7 +104,10 @@ def _area(
     bound = None if record["bound"] is None else float(record["bound"])
     values, miss = hankel if len(hankel) else None, float(record["miss"])
     bases = Bases(lift, restrict, weights, swings, miss, values, bound)
-    return on_bases(parts, retained, ports, reducer, bases)
+    area = on_bases(parts, retained, ports, reducer, bases)
+    if len(area.area.x0) != n:
+        raise ValueError(f"lift has {n} rows, expected {len(area.area.x0)}")
+    return area
 
 
 def _names(k: int) -> list[str]:
