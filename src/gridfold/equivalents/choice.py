@@ -107,10 +107,11 @@ class ModelSettings:
         lagged = self.coupling is BoundaryCoupling.LAGGED
         if lagged and self.outputs is Outputs.POLAR:
             raise OptionError("the lagged coupling needs outputs 'states'")
-        if self.kind in PORTED and self.kind is not ModelKind.LINEAR and not self.ported:
+        switching = (*PORTED, ModelKind.AUTO)
+        if self.kind in switching and self.kind is not ModelKind.LINEAR and not self.ported:
             what = "the lagged coupling" if lagged else "outputs 'states'"
             raise OptionError(f"{what} has no effect on the {self.kind.value} model")
-        if self.kind not in PORTED and self.outputs is Outputs.POLAR:
+        if self.kind not in switching and self.outputs is Outputs.POLAR:
             raise OptionError(
                 f"the {self.kind.value} model forms states: outputs 'polar' is not its"
             )
@@ -119,7 +120,7 @@ class ModelSettings:
     def ported(self) -> bool:
         """Whether linear machines act through ports."""
         states = self.outputs is Outputs.STATES or self.coupling is BoundaryCoupling.LAGGED
-        return self.kind in PORTED and not states
+        return self.kind in (*PORTED, ModelKind.AUTO) and not states
 
     @property
     def norm(self) -> float:
