@@ -12,10 +12,11 @@ from timing import interleave, rhs_calls
 
 from gridfold import BusFault, DetailedModel, build_model, load_case, simulate
 from gridfold.dynamics.area_model import Outputs
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import ReducedExternal, SmallModel, reduce_external, whole_system
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation
 from gridfold.runs.simulate import ModelStore

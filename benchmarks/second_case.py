@@ -21,11 +21,12 @@ from gridfold import (
     simulate,
 )
 from gridfold.dynamics.area_model import Outputs
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.calibrate import Calibration, ThresholdKind, calibrate
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import ReducedExternal, reduce_external
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import BalancedTruncation, Reduction
 from gridfold.runs.simulate import ModelStore

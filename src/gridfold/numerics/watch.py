@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Protocol
@@ -37,6 +37,10 @@ class CompiledWatch:
     reals: NDArray[np.float64]
 
 
+#: From rows (n, n_states) to bounds (n,) of the magnitudes of ``rows @ x`` in the time to come.
+Reach = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
 class Watch(Protocol):
     """A condition on the state of a system."""
 
@@ -51,6 +55,9 @@ class Watch(Protocol):
 
     def first(self, states: NDArray[np.float64]) -> int | None:
         """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
+
+    def never(self, reach: Reach) -> bool:
+        """Whether it cannot hold where `reach` bounds the magnitudes of linear quantities."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,10 @@ class SpreadWatch:
     def first(self, states: NDArray[np.float64]) -> int | None:
         """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
         return next((row for row, state in enumerate(states) if self.holds(state)), None)
+
+    def never(self, reach: Reach) -> bool:
+        """Nothing is known of it."""
+        return False
 
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
@@ -153,6 +164,11 @@ class BandWatch:
         rows = np.flatnonzero(within == self.inside)
         return int(rows[0]) if len(rows) else None
 
+    def never(self, reach: Reach) -> bool:
+        """Whether all quantities stay in the band; that they stay outside is not told."""
+        within = np.abs(self.offset) + reach(self.matrix) <= self.limit
+        return not self.inside and bool(within.all())
+
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
         n, n_states = self.matrix.shape
@@ -212,6 +228,11 @@ class BoxWatch:
         beyond = self.distances(states[unclear]).max(axis=1, initial=-np.inf)
         rows = unclear[~(beyond <= 0)]
         return int(rows[0]) if len(rows) else None
+
+    def never(self, reach: Reach) -> bool:
+        """Whether all quantities stay in their ranges."""
+        bound = reach(self.matrix)
+        return bool(((self.lower <= -bound) & (bound <= self.upper)).all())
 
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
