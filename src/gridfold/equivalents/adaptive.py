@@ -95,12 +95,12 @@ class Choice(NamedTuple):
     until: float = np.inf
 
 
-def _in_band(band: Band, worst: float, hysteresis: float) -> Choice:
+def _in_band(band: Band, worst: float) -> Choice:
     if band.lowest == 0:
         reason = f"largest angle deviation {worst:.1f} degrees is within the threshold"
     else:
         reason = f"largest angle deviation {worst:.1f} degrees exceeds the threshold"
-    return Choice(band.mode, reason, band.highest, hysteresis * band.lowest)
+    return Choice(band.mode, reason, band.highest, band.lowest)
 
 
 @dataclass
@@ -111,6 +111,7 @@ class AdaptivePlan:
     small: SmallModels
     rule: SwitchingRule
     criterion: SynchronismCriterion | None
+    step: float
     switches: list[Switch] = field(default_factory=list)
     models: list[DetailedModel] = field(default_factory=list)
     modes: list[Mode] = field(default_factory=list)
@@ -161,8 +162,11 @@ class AdaptivePlan:
         watches = self.small.watches(model, mode)
         stops = () if self.criterion is None else (watches.stop(self.criterion),)
         switches = [
-            watches.deviation(limit, inside, self.rule.speeds)
-            for limit, inside in ((choice.outside, False), (choice.inside, True))
+            watches.deviation(limit, inside, steps)
+            for limit, inside, steps in (
+                (choice.outside, False, 1),
+                (choice.inside, True, 1 + round(self.rule.dwell / self.step)),
+            )
             if 0 < limit < np.inf
         ]
         return Segment(
@@ -227,17 +231,10 @@ class AdaptivePlan:
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, "there is no equilibrium to linearize about")
-        watches, rule = self.small.watches(model, Mode.DETAILED), self.rule
-        worst = watches.largest_deviation(x, rule.speeds)
-        bands = rule.bands(family.modes)
-        before = self.switches[-1].after if self.switches else None
-        current = next((k for k, band in enumerate(bands) if band.mode is before), 0)
-        level = next(
-            k
-            for k, band in enumerate(bands)
-            if worst > band.lowest * (1.0 if k < current else rule.hysteresis) or band.lowest == 0
-        )
-        choice = _in_band(bands[level], worst, rule.hysteresis)
+        worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
+        bands = self.rule.bands(family.modes)
+        level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
+        choice = _in_band(bands[level], worst)
         choice = self._looking(
             time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
         )
@@ -317,7 +314,7 @@ def simulate_adaptive(
     spent = small.seconds
     began = clock.perf_counter()
     stages = plan_simulation(model, events, t_end, store)
-    plan = AdaptivePlan(stages, small, rule, criterion)
+    plan = AdaptivePlan(stages, small, rule, criterion, stepper.step)
     ready = clock.perf_counter()
     run = run_plan(plan, model.x0, stepper)
     notices = plan.notices(run.pieces)

@@ -11,9 +11,6 @@ from gridfold.grid.case import UnitKey
 from gridfold.numerics.watch import BandWatch, Watch
 from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
 
-#: Frequency of a swing by which deviations of speeds count as angles.
-SWING_HZ = 1.0
-
 
 class AngleWatches:
     """Watches on the rotor angles in one model of a family, in one network state; each is made once.
@@ -34,30 +31,20 @@ class AngleWatches:
         units = () if family is None else _study_machines(model, family)
         self._n_states, self._small = model.n_states, small
         self._angles = model.slots("rotor_angle", units)
-        self._speeds = model.slots("speed", units)
         self._every = model.slots("rotor_angle", model.machines)
-        self._reference = self._pace = -1
+        self._reference = -1
         self._start = np.zeros(len(units))
         if family is not None:
-            reference = (family.reference_unit,)
-            self._reference = int(model.slots("rotor_angle", reference)[0])
-            self._pace = int(model.slots("speed", reference)[0])
+            self._reference = int(model.slots("rotor_angle", (family.reference_unit,))[0])
             self._start = family.origin[self._angles] - family.origin[self._reference]
         self._frame = angle_frame(model)
         self._stops: dict[SynchronismCriterion, Watch] = {}
-        self._bands: dict[tuple[float, bool, bool], Watch] = {}
-        self._per_speed = model.case.frequency_hz / SWING_HZ
+        self._bands: dict[tuple[float, bool, int], Watch] = {}
 
-    def largest_deviation(self, x: NDArray[np.float64], speeds: bool = False) -> float:
-        """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees.
-
-        With `speeds`, those of speeds count as the angles that they become in a swing of 1 Hz.
-        """
-        apart = np.abs(x[self._angles] - x[self._reference] - self._start).max(initial=0.0)
-        if speeds:
-            faster = self._per_speed * np.abs(x[self._speeds] - x[self._pace])
-            apart = max(apart, faster.max(initial=0.0))
-        return float(np.rad2deg(apart))
+    def largest_deviation(self, x: NDArray[np.float64]) -> float:
+        """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""
+        apart = x[self._angles] - x[self._reference] - self._start
+        return float(np.rad2deg(np.abs(apart).max(initial=0.0)))
 
     def jump(self, x: NDArray[np.float64]) -> float:
         """Largest change of a rotor angle in degrees when the small model takes over at `x`."""
@@ -77,21 +64,18 @@ class AngleWatches:
                 self._stops[criterion] = self._band(*self._distances(), limit, inside=False)
         return self._stops[criterion]
 
-    def deviation(self, limit_deg: float, inside: bool, speeds: bool = False) -> Watch:
-        """Holds when a deviation is beyond the limit, or with `inside` when all are within it."""
-        key = limit_deg, inside, speeds
+    def deviation(self, limit_deg: float, inside: bool, steps: int = 1) -> Watch:
+        """Holds when a deviation is beyond the limit, or with `inside` when all are within it.
+
+        That has to be so for as many `steps` in a row.
+        """
+        key = limit_deg, inside, steps
         if key not in self._bands:
-            n = len(self._angles)
-            rows = np.zeros((2 * n if speeds else n, self._n_states))
-            rows[np.arange(n), self._angles] = 1.0
-            rows[:n, self._reference] -= 1.0
-            offset = np.zeros(len(rows))
-            offset[:n] = -self._start
-            if speeds:
-                rows[n + np.arange(n), self._speeds] = self._per_speed
-                rows[n:, self._pace] -= self._per_speed
+            rows = np.zeros((len(self._angles), self._n_states))
+            rows[np.arange(len(rows)), self._angles] = 1.0
+            rows[:, self._reference] -= 1.0
             limit = float(np.deg2rad(limit_deg))
-            self._bands[key] = self._band(rows, offset, limit, inside)
+            self._bands[key] = self._band(rows, -self._start, limit, inside, steps)
         return self._bands[key]
 
     def _distances(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -115,14 +99,15 @@ class AngleWatches:
         offset: NDArray[np.float64],
         limit: float,
         inside: bool,
+        steps: int = 1,
     ) -> BandWatch:
         """A band over the whole's states, in the coordinates of the small model."""
         if self._small is None:
-            return BandWatch(rows, offset, limit, inside)
+            return BandWatch(rows, offset, limit, inside, steps)
         origin, slopes = self._small.affine
         used = np.flatnonzero(rows.any(axis=0))
         matrix = rows[:, used] @ slopes[:, used].T
-        return BandWatch(matrix, rows @ origin + offset, limit, inside)
+        return BandWatch(matrix, rows @ origin + offset, limit, inside, steps)
 
 
 def _study_machines(model: DetailedModel, family: ModelFamily) -> tuple[UnitKey, ...]:

@@ -21,7 +21,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
 from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
-    HYSTERESIS,
+    DWELL,
     LONGEST_ABOVE,
     PORTED,
     WHOLE_DEG,
@@ -135,7 +135,7 @@ class ModelSettings:
         if self.kind is ModelKind.LINEAR:
             if not self.ported:
                 return SwitchingRule(inf)
-            return SwitchingRule(self._whole_deg, inf, speeds=True, hysteresis=HYSTERESIS)
+            return SwitchingRule(self._whole_deg, inf, dwell=DWELL)
         if self.kind is ModelKind.RETAINED:
             return SwitchingRule(0.0, longest_above=inf)
         if self.kind not in ANGLES_DEG:
@@ -145,8 +145,7 @@ class ModelSettings:
             ANGLES_DEG[self.kind] if angle is None else angle,
             LONGEST_ABOVE if longest is None else longest,
             whole_deg=self._whole_deg if self.kind is ModelKind.ADAPTIVE else 0.0,
-            speeds=self.ported,
-            hysteresis=HYSTERESIS if self.ported else 1.0,
+            dwell=DWELL if self.ported else 0.0,
         )
 
     @property

@@ -36,19 +36,16 @@ class SwitchingRule:
         passed are told in any case.
     whole_deg : float
         Angle deviation in degrees up to which everything is linear, in families that have three models.
-    speeds : bool
-        Whether deviations of speeds count as the angles that they become in a swing of 1 Hz. The
-        angle of a swing passes through zero, where its speed is largest.
-    hysteresis : float
-        Part of a threshold below which a cheaper model takes over.
+    dwell : float
+        Time in seconds for which the deviation has to stay below a threshold before a cheaper model
+        takes over: a swinging angle passes through zero.
     """
 
     angle_deg: float
     longest_above: float = 5.0
     limits: bool = True
     whole_deg: float = 0.0
-    speeds: bool = False
-    hysteresis: float = 1.0
+    dwell: float = 0.0
 
     def __post_init__(self) -> None:
         for name, words in (("angle_deg", "the angle threshold"), ("whole_deg", "whole_deg")):
@@ -56,8 +53,8 @@ class SwitchingRule:
                 raise OptionError(f"{words} must be 0 degrees or more, not {getattr(self, name)!r}")
         if not self.longest_above > 0:
             raise OptionError(f"longest_above must be positive, not {self.longest_above!r}")
-        if not 0 < self.hysteresis <= 1:
-            raise OptionError(f"hysteresis must be above 0 and at most 1, not {self.hysteresis!r}")
+        if not 0 <= self.dwell < np.inf:
+            raise OptionError(f"dwell must be 0 seconds or more, not {self.dwell!r}")
 
     def bands(self, modes: Sequence[Mode]) -> tuple[Band, ...]:
         """The models of a family with the deviations in degrees at which they are used.

@@ -132,12 +132,15 @@ class BandWatch:
         Half the width of the band around 0.
     inside : bool
         False: the condition is that one is outside. True: that all are inside.
+    steps : int
+        States in a row for which that has to be so.
     """
 
     matrix: NDArray[np.float64]
     offset: NDArray[np.float64]
     limit: float
     inside: bool = False
+    steps: int = 1
 
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Magnitudes of the quantities, shape (n,)."""
@@ -161,8 +164,9 @@ class BandWatch:
             unclear = np.flatnonzero(~within)
             distances = np.abs(states[unclear] @ self.matrix.T + self.offset)
         within[unclear] = distances.max(axis=1, initial=0.0) <= self.limit
-        rows = np.flatnonzero(within == self.inside)
-        return int(rows[0]) if len(rows) else None
+        so = np.concatenate([[0], np.cumsum(within == self.inside)])
+        rows = np.flatnonzero(so[self.steps :] - so[: -self.steps] == self.steps)
+        return int(rows[0]) + self.steps - 1 if len(rows) else None
 
     def never(self, reach: Reach) -> bool:
         """Whether all quantities stay in the band; that they stay outside is not told."""
@@ -174,10 +178,10 @@ class BandWatch:
         n, n_states = self.matrix.shape
         return CompiledWatch(
             _compiled_band().address,
-            np.array([n, n_states, self.inside], dtype=np.int64),
+            np.array([n, n_states, self.inside, self.steps], dtype=np.int64),
             np.concatenate(
                 [
-                    [self.limit, *_NOTHING_KNOWN],
+                    [self.limit, *_NOTHING_KNOWN, 0.0],
                     self.offset,
                     self.matrix.ravel(),
                     self.reach,
@@ -307,21 +311,23 @@ def _spread(integers, reals, x, verdict):
 
 
 def _band(integers, reals, x, verdict):
-    # reals: limit, margin and verdict at the last state y that was judged in full; d, C, reach, y
+    # reals: limit, margin and verdict at the last state y that was judged in full, states in a row for
+    # which the condition held; d, C, reach, y
     n, n_states, inside = integers[0], integers[1], integers[2]
-    reach = reals[3 + n + n * n_states : 3 + n + (n + 1) * n_states]
-    last = reals[3 + n + (n + 1) * n_states :]
+    reach = reals[4 + n + n * n_states : 4 + n + (n + 1) * n_states]
+    last = reals[4 + n + (n + 1) * n_states :]
     moved = 0.0
     for j in range(n_states):
         moved += reach[j] * abs(x[j] - last[j])
     if not moved < reals[1]:
-        worst = _largest(reals[3 : 3 + n], matrix_view(reals, 3 + n, n, n_states), x)
+        worst = _largest(reals[4 : 4 + n], matrix_view(reals, 4 + n, n, n_states), x)
         within = 1 if worst <= reals[0] else 0
         reals[1] = abs(worst - reals[0])
         reals[2] = 1.0 if within == inside else 0.0
         for j in range(n_states):
             last[j] = x[j]
-    verdict[0] = reals[2]
+    reals[3] = reals[3] + 1.0 if reals[2] != 0.0 else 0.0
+    verdict[0] = 1.0 if reals[3] >= integers[3] else 0.0
 
 
 @compiled_part

@@ -26,7 +26,7 @@ from gridfold.equivalents.families import (
 )
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
-from gridfold.equivalents.model_kind import HYSTERESIS, WHOLE_DEG
+from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
@@ -145,8 +145,8 @@ class CaseStudy:
         ladders = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED)
         linear_to = WHOLE_DEG if kind in ladders else 0.0
         ours = kind in (*OURS, SmallRun.RETAINED)
-        part = HYSTERESIS if ours else 1.0
-        rule = SwitchingRule(float(angle), whole_deg=linear_to, speeds=ours, hysteresis=part)
+        dwell = DWELL if ours else 0.0
+        rule = SwitchingRule(float(angle), whole_deg=linear_to, dwell=dwell)
         return simulate_adaptive(
             self.model, family, rule, events, published.T_END, store=self.store
         )
