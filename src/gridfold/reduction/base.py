@@ -19,8 +19,8 @@ from gridfold.systems.statemap import StateMap
 Matrix = NDArray[np.float64]
 
 #: Error of the transfer matrix of a compressed system, in parts of its size: Hankel singular values
-#: are right to some 1e-9 of the first.
-_COMPRESSION = 1e-9
+#: are right to less than 1e-8 of the first.
+_COMPRESSION = 2e-9
 
 
 @dataclass(frozen=True, eq=False)
