@@ -1,10 +1,11 @@
 """Compress a large sparse system to a dense one with the same transfer matrix.
 
 Two-sided tangential rational interpolation. A sample at j omega solves (j omega I - A) X = B and
-measures the error E = C X - G_k of what there is. The singular vectors of E with values above the
-tolerance are the directions in which the bases grow: X z_i joins V, (j omega I - A)^-H C^T u_i joins
-W. The error at j omega is below the tolerance then, with as few columns as possible. Where to sample
-next is told by the difference between the last two models. Unstable modes are split off exactly.
+measures the error E = C X - G_k of what there is. Its singular vectors with values above the
+tolerance are the directions in which the bases may grow, V by X z_i and W by (j omega I - A)^-H C^T u_i.
+Of all directions of a round of samples those with the largest Hankel singular values are taken.
+Where to sample next is told by the difference between the last two models and by the gaps between
+samples. Unstable modes are split off exactly.
 
 Source: K. Gallivan, A. Vandendorpe, P. Van Dooren, "Model Reduction of MIMO Systems via Tangential
 Interpolation", SIAM Journal on Matrix Analysis and Applications 26 (2004), pp. 328-349.
@@ -32,7 +33,7 @@ Matrix = NDArray[np.float64]
 _LEFT_ALONE = 0.3
 
 #: Hankel singular value of the error, in parts of the tolerance, below which the bases do not grow.
-_DROPPED = 0.1
+_DROPPED = 0.02
 
 #: Tolerance at which unstable modes are looked for first.
 _COARSE = 0.1
@@ -164,9 +165,7 @@ def _sampled(
 ) -> tuple[Bases, float, float]:
     """Bases after samples at `points` in rad/s, size of the transfer matrix, largest error."""
     worst, reached, duals = 0.0, [], []
-    for omega, width, known in zip(
-        points, widths(points), model.response(points), strict=True
-    ):
+    for omega, width, known in zip(points, widths(points), model.response(points), strict=True):
         resolvent = bases.system.at(1j * omega)
         states = resolvent.solve(bases.b)
         response = bases.c @ states

@@ -86,7 +86,7 @@ class Bases:
         # What rounding has left of the bases has been made large.
         new_v = _outside(x @ (right[:count].T / roots), self.v, self.w)
         new_w = _outside(y @ (left[:, :count] / roots), self.w, self.v)
-        new_v = np.linalg.solve((new_w.T @ new_v).T, new_v.T).T
+        new_v = np.asarray(np.linalg.solve((new_w.T @ new_v).T, new_v.T).T, dtype=np.float64)
         new_av = self.system.apply(new_v)
         v, w, av = (
             np.hstack(pair) for pair in ((self.v, new_v), (self.w, new_w), (self.av, new_av))
