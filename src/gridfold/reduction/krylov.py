@@ -2,10 +2,10 @@
 
 Two-sided tangential rational interpolation. A sample at j omega solves (j omega I - A) X = B and
 measures the error E = C X - G_k of what there is. Its singular vectors with values above the
-tolerance are the directions in which the bases may grow, V by X z_i and W by (j omega I - A)^-H C^T u_i.
-Of all directions of a round of samples those with the largest Hankel singular values are taken.
-Where to sample next is told by the difference between the last two models and by the gaps between
-samples. Unstable modes are split off exactly.
+tolerance are the directions in which the bases may grow, V by X z_i and W by
+(j omega I - A)^-H C^T u_i. Of all directions of a round of samples those with the largest Hankel
+singular values are taken. Where to sample next is told by the difference between the last two models
+and by the gaps between samples. Unstable modes are split off exactly.
 
 Source: K. Gallivan, A. Vandendorpe, P. Van Dooren, "Model Reduction of MIMO Systems via Tangential
 Interpolation", SIAM Journal on Matrix Analysis and Applications 26 (2004), pp. 328-349.
