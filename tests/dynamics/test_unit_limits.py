@@ -12,7 +12,7 @@ from gridfold.dynamics.unit_limits import (
     limits_along,
     limits_touched,
     state_limits,
-    without_touched,
+    touched_held,
 )
 
 ROOM = 0.1
@@ -70,11 +70,18 @@ def test_a_start_at_a_limit_touches_it_without_its_acting(npcc, room, touched):
     assert set(found) == ({"EMIN of sexs 71:1", "EMAX of sexs 71:1"} if touched else set())
 
 
-def test_beside_a_limit_that_is_just_touched_the_jacobian_is_that_without_it(npcc):
+def test_a_state_that_just_touches_a_limit_is_linearized_as_held_there(npcc):
     wide, tight = (gf.build_model(npcc_with_sexs(npcc, room)) for room in (1000.0, 0.0))
-    smooth = without_touched(tight, tight.x0, tight.machines)
-    np.testing.assert_array_equal(smooth.jacobian(tight.x0), wide.jacobian(wide.x0))
-    assert without_touched(wide, wide.x0, wide.machines) is wide
+    smooth = touched_held(tight, tight.x0, tight.machines)
+    expected = wide.jacobian(wide.x0)
+    held = [slot(tight, "exciter_voltage", unit) for unit in LIMITED]
+    expected[held] = 0.0
+    found = smooth.jacobian(tight.x0)
+    assert not found[held].any()
+    assert not found[:, held].any()
+    expected[:, held] = 0.0
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert touched_held(wide, wide.x0, wide.machines) is wide
 
 
 def test_limits_of_states_give_state_value_and_side(limited):

@@ -225,3 +225,29 @@ def test_limits_at_the_operating_point_belong_to_a_saved_reduction_too(at_limit,
 def test_of_many_limits_the_first_are_named():
     assert listed(["a", "b", "c"]) == "a, b, c"
     assert listed(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"
+
+
+def test_a_held_limit_that_would_let_go_is_told_and_brings_back_the_detailed_model(at_limit):
+    """The highest field voltage is that of the start, the lowest is far away."""
+    devices = tuple(
+        replace(record, parameters={**record.parameters, "field_voltage_minimum": -100.0})
+        if (record.model, str(record.key)) == ("sexs", "71:1")
+        else record
+        for record in at_limit.case.devices
+    )
+    model = gf.build_model(replace(at_limit.case, devices=devices))
+    small = family_of(model, "partitioned")
+    assert small.family.at_limits == ("EMAX of sexs 71:1",)
+    run, careless = (run_with(model, small, INFINITE, limits) for limits in (True, False))
+    assert any("let go" in text for text in limit_texts(careless))
+    assert any("EMAX of sexs 71:1 reached" in switch.reason for switch in run.switches)
+    detailed = gf.simulate(model, [FAULT], T_END)
+    error, without = (compare(detailed, r.trajectory).worst.rms_deg for r in (run, careless))
+    assert error <= without
+
+
+def test_what_is_held_between_two_limits_never_lets_go(at_limit):
+    small = family_of(at_limit, "partitioned")
+    run = run_with(at_limit, small, INFINITE)
+    assert [switch.after for switch in run.switches] == [Mode.DETAILED, Mode.LINEAR]
+    assert not any("let go" in text for text in limit_texts(run))

@@ -273,7 +273,7 @@ class ReductionOptions:
     tolerance: Annotated[
         float | None,
         _reduction_option(
-            help="Bound of the balanced truncation's error.", show_default="2e-3; paper 1e-5"
+            help="Bound of the balanced truncation's error.", show_default="1e-3; paper 1e-5"
         ),
     ] = None
     order: Annotated[

@@ -7,7 +7,7 @@ All names are resolved to positions here, none while stepping.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -97,10 +97,15 @@ class Layout:
 Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]
 
 
-def build_layout(groups: Sequence[Group], ports: Sequence[int] = ()) -> Layout:
+def build_layout(
+    groups: Sequence[Group],
+    ports: Sequence[int] = (),
+    given: Collection[tuple[UnitKey, str]] = (),
+) -> Layout:
     """Lay out groups of (device, units, parameter rows); roles are put into order of evaluation.
 
-    `ports` are buses whose voltages are wanted beside those of the machines' terminals.
+    `ports` are buses whose voltages are wanted beside those of the machines' terminals; `given` are
+    inputs that come from elsewhere and have the place of a constant.
     """
     ordered = sorted(groups, key=lambda group: group[0].role)
     slots: dict[tuple[UnitKey, str], int] = {}
@@ -122,7 +127,7 @@ def build_layout(groups: Sequence[Group], ports: Sequence[int] = ()) -> Layout:
         state_starts.append(position)
         position = place(device, units, device.states, position)
     n_states = position
-    constants = _open_inputs(ordered, slots, faults)
+    constants = _open_inputs(ordered, slots, faults, given)
     for name in constants:
         slots[name] = position
         position += 1
@@ -161,7 +166,10 @@ def build_layout(groups: Sequence[Group], ports: Sequence[int] = ()) -> Layout:
 
 
 def _open_inputs(
-    groups: Sequence[Group], slots: Mapping[tuple[UnitKey, str], int], faults: list[str]
+    groups: Sequence[Group],
+    slots: Mapping[tuple[UnitKey, str], int],
+    faults: list[str],
+    given: Collection[tuple[UnitKey, str]],
 ) -> list[tuple[UnitKey, str]]:
     """Inputs that no device of the unit provides; those that nothing can stand for are faults."""
     provided = set(slots)
@@ -174,7 +182,8 @@ def _open_inputs(
                 is_voltage = device.role is Role.MACHINE and name in _VOLTAGE_INPUTS
                 if is_voltage or (unit, name) in provided:
                     continue
-                if name not in device.solved_inputs and name not in device.defaults:
+                known = (unit, name) in given or name in device.solved_inputs
+                if not known and name not in device.defaults:
                     faults.append(f"{device.model} {unit}: no device of the unit gives its {name}")
                 open_inputs[unit, name] = None
     return list(open_inputs)

@@ -12,13 +12,14 @@ from gridfold.dynamics.layout import Group, build_layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_network import load_buses, port_network
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
+from gridfold.grid.case import UnitKey
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.statemap import StateMap
 
 
 @dataclass(frozen=True)
-class PortModel:
-    """A system v = (exact states, z).
+class PortCoordinates:
+    """The way between the states of the whole model and v = (exact states, z).
 
     Parameters
     ----------
@@ -26,17 +27,11 @@ class PortModel:
         Positions of the exact states and of the area's in the whole model's state vector.
     states : StateMap
         x = x0 + T~ z of the area's states.
-    compiled : CompiledRhs
-        The right-hand side.
-    state_names : tuple of str
-        Names of v.
     """
 
     exact_index: NDArray[np.int64]
     area_index: NDArray[np.int64]
     states: StateMap
-    compiled: CompiledRhs = field(repr=False)
-    state_names: tuple[str, ...] = field(repr=False)
 
     def lift(self, v: NDArray[np.float64]) -> NDArray[np.float64]:
         """States of the whole model, (..., n_states), from v, (..., n)."""
@@ -64,10 +59,38 @@ class PortModel:
         return np.concatenate([x[self.exact_index], self.states.restrict(x[self.area_index])])
 
 
+@dataclass(frozen=True)
+class PortModel(PortCoordinates):
+    """A system v = (exact states, z).
+
+    Parameters
+    ----------
+    compiled : CompiledRhs
+        The right-hand side.
+    state_names : tuple of str
+        Names of v.
+    """
+
+    compiled: CompiledRhs = field(repr=False)
+    state_names: tuple[str, ...] = field(repr=False)
+
+
+def port_coordinates(
+    model: DetailedModel,
+    units: Collection[UnitKey],
+    area_index: NDArray[np.int64],
+    states: StateMap,
+) -> PortCoordinates:
+    """The coordinates of :func:`build_port_model`, without the model."""
+    _, index = _exact_groups(model, set(units), set(area_index.tolist()))
+    return PortCoordinates(index, area_index, states)
+
+
 def build_port_model(
     model: DetailedModel,
     ports: Sequence[int],
     study: Collection[int],
+    units: Collection[UnitKey],
     area: LinearPorts,
     area_index: NDArray[np.int64],
     states: StateMap,
@@ -81,6 +104,8 @@ def build_port_model(
         The whole system in the network state wanted.
     ports, study : collections of int
         Bus numbers of the ports and of the study area, where loads stay as they are.
+    units : collection of UnitKey
+        The units of the linear area.
     area : LinearPorts
         The linear area as its ports know it.
     area_index : ndarray of int, shape (n,)
@@ -90,9 +115,11 @@ def build_port_model(
     origin : ndarray, shape (n_states,)
         The operating point.
     """
-    groups, index = _exact_groups(model, area_index)
-    layout = build_layout(groups, [*ports, *load_buses(model, study)])
+    groups, index = _exact_groups(model, set(units), set(area_index.tolist()))
+    speeds = [(unit, "speed") for unit in area.movers.units] if area.movers is not None else []
+    layout = build_layout(groups, [*ports, *load_buses(model, study)], speeds)
     values = dict(zip(model.layout.constant_names, model.constants, strict=True))
+    values |= dict.fromkeys(speeds, 1.0)
     found = port_network(model, layout.terminals, study, origin)
     out = model.state.units_out
     angles = [
@@ -114,19 +141,23 @@ def build_port_model(
 
 
 def _exact_groups(
-    model: DetailedModel, area_index: NDArray[np.int64]
+    model: DetailedModel, linear: set[UnitKey], area: set[int]
 ) -> tuple[list[Group], NDArray[np.int64]]:
-    """Units without states in the area by device, and their states in order of their layout."""
-    linear, index = set(area_index.tolist()), [np.zeros(0, dtype=np.int64)]
+    """Devices without part in the area, and their states in order of their layout.
+
+    These are all devices of units that are not linear, and others with states none of which is in the
+    area.
+    """
     groups: list[Group] = []
-    behind = {
-        unit
-        for block in model.layout.blocks
-        for unit, column in zip(block.units, block.state_index.T, strict=True)
-        if linear.intersection(column.tolist())
-    }
+    index = [np.zeros(0, dtype=np.int64)]
     for block in model.layout.blocks:
-        columns = [k for k, unit in enumerate(block.units) if unit not in behind]
+        columns = [
+            k
+            for k, (unit, states) in enumerate(
+                zip(block.units, block.state_index.T.tolist(), strict=True)
+            )
+            if unit not in linear or (states and not area.intersection(states))
+        ]
         if columns:
             units = [block.units[k] for k in columns]
             groups.append((block.device, units, np.ascontiguousarray(block.parameters[:, columns])))

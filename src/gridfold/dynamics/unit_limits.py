@@ -48,6 +48,12 @@ class StateLimits:
         """How far the states `x`, (n_states,), are beyond their limits, negative inside."""
         return np.asarray(self.side * (x[self.index] - self.bound))
 
+    def only(self, names: Collection[str]) -> StateLimits:
+        """Those that are among `names`."""
+        chosen = np.array([name in names for name in self.names], dtype=bool)
+        kept = tuple(name for name in self.names if name in names)
+        return StateLimits(self.index[chosen], self.bound[chosen], self.side[chosen], kept)
+
     @property
     def tolerance(self) -> NDArray[np.float64]:
         """What counts as being at the limit, shape (n,)."""
@@ -71,12 +77,14 @@ def limits_touched(
     return tuple(name for name, acts in near.items() if acts.any() or name in acting)
 
 
-def without_touched(
+def touched_held(
     model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
 ) -> DetailedModel:
-    """The model to linearize at `x`: limits of `units` that it is just at, but not beyond, are away.
+    """The model to linearize at `x`: what is just at a limit of `units` is held there.
 
-    Beside such a limit the derivative is one-sided, and rounding would decide which side is taken.
+    Beside such a limit the derivative is one-sided, and rounding would decide which side is taken. A
+    state that is at its limit stands still: the limits of both sides are put beyond it. Limits without
+    a state, or without one on the other side, are taken away.
     """
     near = set(limits_touched(model, x, units)) - set(limits_acting(model, x, units))
     if not near:
@@ -87,10 +95,34 @@ def without_touched(
         for limit in block.device.limits:
             row = block.device.parameter_rows.index(limit.parameter)
             for k, unit in enumerate(block.units):
-                if _name(block.device, limit, unit) in near:
+                if limit_name(block.device, limit, unit) in near:
                     parameters[row, k] = limit.side.value * NO_LIMIT
+                    others = _opposite(block.device, limit)
+                    if others:
+                        bound = limit_value(block.device, limit, block.parameters)[k]
+                        for each in (limit, *others):
+                            _put(block.device, each, parameters, k, bound)
         blocks[at] = replace(block, parameters=parameters)
     return model.with_blocks(blocks)
+
+
+def _opposite(device: Device, limit: Limit) -> list[Limit]:
+    """The limits of the same state on the other side."""
+    if limit.state is None:
+        return []
+    return [
+        each for each in device.limits if each.state == limit.state and each.side is not limit.side
+    ]
+
+
+def _put(
+    device: Device, limit: Limit, parameters: NDArray[np.float64], column: int, bound: float
+) -> None:
+    """Move a limit of a state a little beyond `bound`, where the state is, so that it holds it."""
+    target = bound - limit.side.value * 2 * AT_LIMIT * max(abs(bound), 1.0)
+    if limit.added_to is not None:
+        target -= parameters[device.parameter_rows.index(limit.added_to), column]
+    parameters[device.parameter_rows.index(limit.parameter), column] = target
 
 
 def limits_along(
@@ -114,7 +146,7 @@ def limits_along(
         acts = acts.reshape(len(block.device.limits), len(columns), len(signals))
         for limit, rows in zip(block.device.limits, acts, strict=True):
             for column, row in zip(columns, rows, strict=True):
-                result[_name(block.device, limit, block.units[column])] = row
+                result[limit_name(block.device, limit, block.units[column])] = row
     return result
 
 
@@ -134,7 +166,7 @@ def state_limits(
             bounds = limit_value(block.device, limit, values[2])
             direct = bounds_state(block.device, limit, *values) & (np.abs(bounds) < NO_LIMIT)
             for k in np.flatnonzero(direct):
-                name = _name(block.device, limit, block.units[columns[k]])
+                name = limit_name(block.device, limit, block.units[columns[k]])
                 if name not in without:
                     row = block.device.states.index(str(limit.state))
                     index = int(block.state_index[row, columns[k]])
@@ -170,5 +202,6 @@ def _columns(
     return states, inputs, np.repeat(block.parameters[:, columns], len(signals), axis=1)
 
 
-def _name(device: Device, limit: Limit, unit: UnitKey) -> str:
+def limit_name(device: Device, limit: Limit, unit: UnitKey) -> str:
+    """For example ``EMAX of sexs 23:1``."""
     return f"{limit_symbol(device, limit)} of {device.model} {unit}"

@@ -5,7 +5,8 @@ deviation of any study-area machine exceeds the threshold, and cheaper ones belo
 has changed, or the threshold has been exceeded for too long, the models move to the new operating
 point.
 
-Linear units know no limits. Where one of theirs is reached the detailed model takes over.
+Linear units know no limits. Where one of theirs is reached the detailed model takes over, or a rung of
+the ladder that is not at a limit.
 """
 
 from __future__ import annotations
@@ -19,9 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.angle_watches import Deviation, deviation_rows, watched_segment
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
-from gridfold.equivalents.limit_watches import LinearLimits, listed, origin_notice, passed_notices
+from gridfold.equivalents.limit_watches import (
+    LinearLimits,
+    let_go_notices,
+    listed,
+    origin_notice,
+    passed_notices,
+)
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
@@ -40,6 +46,8 @@ from gridfold.simulation.segment import Piece, Segment
 _INSTANT = 1e-9
 #: Time (s) for which the detailed model stays in use once a limit was reached.
 LIMIT_DWELL = 0.1
+#: Models that may take over from one below them where a limit is reached.
+_FOLLOWING = (Mode.RETAINED, Mode.LINEAR)
 
 
 class Switch(NamedTuple):
@@ -98,7 +106,7 @@ class SwitchingRule:
         for mode, end in zip(modes[1:], ends, strict=True):
             if end > 0 and mode is not bands[-1].mode:
                 last = bands.pop()
-                bands += [] if end == np.inf else [Band(last.mode, last.highest, end)]
+                bands += [] if end == last.highest else [Band(last.mode, last.highest, end)]
                 bands += [Band(mode, end, 0.0)]
         return tuple(bands)
 
@@ -171,6 +179,7 @@ class AdaptivePlan:
     at_limit: bool = False
     limits: list[LinearLimits | None] = field(default_factory=list)
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
+    moved: dict[str, float] = field(default_factory=dict)
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
         """The segment from `time` and the state `x` on."""
@@ -183,37 +192,84 @@ class AdaptivePlan:
         limits = None if small is None else self.small.limits(model, mode)
         reached = self._reached(limits, x)
         if reached:
-            mode, reason, small, limits = Mode.DETAILED, f"{listed(reached)} reached", None, None
+            mode, reason = self._above(mode, model, x), f"{listed(reached)} reached"
+            small = None if mode is Mode.DETAILED else self.small.get(model, mode)
+            limits = None if small is None else self.small.limits(model, mode)
             choice = Choice(mode, reason)
             end = min(end, round(time + LIMIT_DWELL, 9))
+        if limits is not None and limits.held.names and self.rule.limits:
+            end = min(end, round(time + LIMIT_DWELL, 9))
         end = min(end, max(choice.until, time + _INSTANT))
-        self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
+        self._log(time, mode, reason, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
         self.models.append(model)
         self.modes.append(mode)
         self.limits.append(limits)
-        label = f"{stage.label} ({mode.value})"
-        switches = self._deviation_watches(model, choice)
-        further = self._limit_watch(limits)
-        return watched_segment(model, small, end, label, switches, self.criterion, further)
+        return self._segment(model, small, mode, end, stage, choice, limits)
 
-    def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
-        """Limits that act at operating points, and those that small models passed."""
+    def _segment(
+        self,
+        model: DetailedModel,
+        small: SmallModel | None,
+        mode: Mode,
+        end: float,
+        stage: Stage,
+        choice: Choice,
+        limits: LinearLimits | None,
+    ) -> Segment:
+        """A segment with its watches, in the coordinates of its system."""
+        watches = self.small.watches(model, mode)
+        stops = () if self.criterion is None else (watches.stop(self.criterion),)
+        switches = [
+            watches.deviation(limit, inside)
+            for limit, inside in ((choice.outside, False), (choice.inside, True))
+            if 0 < limit < np.inf
+        ]
+        return Segment(
+            model if small is None else small.system,
+            end,
+            f"{stage.label} ({mode.value})",
+            stops,
+            (*switches, *self._limit_watch(limits)),
+            None if small is None else small.coordinates,
+        )
+
+    def notices(self, pieces: Sequence[Piece]) -> list[Notice]:
+        """New operating points, limits that act at them, and those that small models passed."""
         every = not self.rule.limits
         phases = [
             limits.passed(piece, every)
             for piece, limits in zip(pieces, self.limits, strict=False)
             if limits is not None
         ]
+        gone = [
+            limits.let_go(piece)
+            for piece, limits in zip(pieces, self.limits, strict=False)
+            if limits is not None
+        ]
         at_origin = [origin_notice(time, names) for names, time in self.told.items() if names]
-        return [*at_origin, *passed_notices(phases)]
+        moved = [
+            Notice(time, f"models about the new operating point: {how}")
+            for how, time in self.moved.items()
+        ]
+        return [*moved, *at_origin, *passed_notices(phases), *let_go_notices(gone)]
 
     def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
         """Limits for which the detailed model has to take over, or stay."""
         if limits is None or not self.rule.limits:
             return ()
         was_detailed = not self.switches or self.switches[-1].after is Mode.DETAILED
-        return limits.reached(x, inside=was_detailed)
+        return limits.reached(x, inside=was_detailed or self.at_limit)
+
+    def _above(self, mode: Mode, model: DetailedModel, x: NDArray[np.float64]) -> Mode:
+        """The next rung of a ladder that no limit is in the way of; else the detailed model."""
+        family = self.small.family_for(model)
+        rungs = () if family is None else family.modes
+        higher = rungs[: rungs.index(mode)] if mode in rungs else ()
+        for rung in reversed(higher):
+            if rung in _FOLLOWING and not self._reached(self.small.limits(model, rung), x):
+                return rung
+        return Mode.DETAILED
 
     def _limit_watch(self, limits: LinearLimits | None) -> tuple[Watch, ...]:
         if limits is None or limits.watch is None or not self.rule.limits:
@@ -231,8 +287,7 @@ class AdaptivePlan:
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, "there is no equilibrium to linearize about")
-        deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
-        worst = float(deviation.max(initial=0.0))
+        worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = self._waiting(time, bands, level) or _in_band(bands[level], worst)
@@ -241,6 +296,8 @@ class AdaptivePlan:
         )
         if choice.mode is not Mode.DETAILED:
             self.told.setdefault(family.held_at_limits(choice.mode), time)
+            if family is not self.small.family:
+                self.moved.setdefault(family.how, time)
         return choice
 
     def _first_only(self, bands: Sequence[Band]) -> bool:
@@ -282,25 +339,11 @@ class AdaptivePlan:
             "the operating point, nothing is rebuilt"
         )
 
-    def _deviation_watches(self, model: DetailedModel, choice: Choice) -> list[Deviation]:
-        """Conditions that end the segment: a deviation above the band, or all of them below it."""
-        family = self.small.family_for(model)
-        if family is None:
-            return []
-        rows = deviation_rows(model, family)
-        offset = -rows @ family.origin
-        return [
-            Deviation(rows, offset, float(np.deg2rad(limit)), inside)
-            for limit, inside in ((choice.outside, False), (choice.inside, True))
-            if 0 < limit < np.inf
-        ]
-
     def _log(
         self,
         time: float,
         mode: Mode,
         reason: str,
-        small: SmallModel | None,
         x: NDArray[np.float64],
         model: DetailedModel,
         other_cause: bool,
@@ -308,11 +351,7 @@ class AdaptivePlan:
         before = self.switches[-1].after if self.switches else None
         if before is mode and not other_cause and "nothing is rebuilt" not in reason:
             return
-        jump = 0.0
-        if small is not None:
-            angles = model.slots("rotor_angle", model.machines)
-            again = small.coordinates.lift(small.coordinates.restrict(x))
-            jump = float(np.rad2deg(np.abs((again - x)[angles]).max(initial=0.0)))
+        jump = self.small.watches(model, mode).jump(x)
         self.switches.append(Switch(time, before, mode, reason, jump))
 
 
@@ -349,7 +388,7 @@ def simulate_adaptive(
     plan = AdaptivePlan(stages, small, rule, criterion)
     ready = clock.perf_counter()
     run = run_plan(plan, model.x0, stepper)
-    limit_notices = plan.limit_notices(run.pieces)
+    notices = plan.notices(run.pieces)
     done = clock.perf_counter()
     reduction = small.seconds - spent
     reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
@@ -358,7 +397,7 @@ def simulate_adaptive(
         run=run,
         models=tuple(plan.models),
         events=tuple(events),
-        notices=in_order(*stage_notices(reached, stages.models), *limit_notices),
+        notices=in_order(*stage_notices(reached, stages.models), *notices),
         stepper=stepper,
         criterion=criterion,
         t_end=t_end,

@@ -23,7 +23,7 @@ from gridfold.dynamics.area_model import (
 )
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.unit_limits import limits_touched, without_touched
+from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.model_kind import ReducerKind
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -46,13 +46,15 @@ class SmallModel:
     """A model, and the way between its states and those of the whole system.
 
     `unlimited` are the units whose limits do not act in it as they should: linear ones, and those
-    whose nonlinear part acts through a reduction, which holds for small corrections only.
+    whose nonlinear part acts through a reduction, which holds for small corrections only. Limits
+    that are `followed` act as they should nevertheless.
     """
 
     system: System
     coordinates: Coordinates
     nonlinear_functions: int
     unlimited: tuple[UnitKey, ...] = ()
+    followed: frozenset[str] = frozenset()
 
     @cached_property
     def affine(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -95,6 +97,10 @@ class ModelFamily(Protocol):
     @property
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
+
+    @property
+    def how(self) -> str:
+        """How it came about, for the log."""
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of linear units that act at the operating point: what they hold is frozen."""
@@ -158,6 +164,11 @@ class ReducedExternal:
     def modes(self) -> tuple[Mode, ...]:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
+
+    @property
+    def how(self) -> str:
+        """Every operating point has a linearization and a reduction of its own."""
+        return "linearized and reduced anew"
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """The same limits in both models."""
@@ -233,7 +244,7 @@ def _reduce(
     model: DetailedModel,
     point: Equilibrium,
 ) -> ReducedExternal:
-    smooth = without_touched(model, point.x, parts.external_units)
+    smooth = touched_held(model, point.x, parts.external_units)
     linear = linearize_external(parts, smooth, point.x)
     if isinstance(reducer, BalancedTruncation) and reducer.slow_modes is not None:
         slow = slow_modes(smooth, point.x, reducer.slow_modes)[linear.state_index]
@@ -307,6 +318,11 @@ class WholeSystem:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
 
+    @property
+    def how(self) -> str:
+        """Every operating point has a linearization and a reduction of its own."""
+        return "linearized and reduced anew"
+
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """The same limits in both models."""
         return self.at_limits
@@ -344,7 +360,7 @@ class WholeSystem:
         return SmallModel(built, built, 0, tuple(far))
 
     def _jacobian(self, model: DetailedModel) -> NDArray[np.float64]:
-        smooth = without_touched(model, self.origin, model.layout.source_units)
+        smooth = touched_held(model, self.origin, model.layout.source_units)
         return smooth.jacobian(self.origin)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> WholeSystem:

@@ -2,7 +2,8 @@
 
 The study area and the machines that are retained stay exact. All others are linear, balanced for what
 they cause at the ports, and truncated. What a projection needs is found once, for the intact network;
-about any other operating point the area is linearized anew and projected on the same bases.
+about any other operating point with the same machines the area is linearized anew and projected on the
+same bases.
 """
 
 from __future__ import annotations
@@ -16,11 +17,18 @@ from numpy.typing import NDArray
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.port_model import PortModel, build_port_model
-from gridfold.dynamics.port_rhs import LinearPorts
-from gridfold.dynamics.unit_limits import limits_touched, without_touched
+from gridfold.dynamics.port_model import (
+    PortCoordinates,
+    PortModel,
+    build_port_model,
+    port_coordinates,
+)
+from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
+from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
+from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
+from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import ModalForm, modal_form
@@ -31,13 +39,17 @@ from gridfold.reduction import BalancedTruncation, Reducer
 from gridfold.reduction.order import OrderRule
 from gridfold.reduction.slow_modes import slow_modes
 from gridfold.systems.dense import DenseSystem
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
 from gridfold.systems.statemap import StateMap
 
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
-#: at ports and kept machines in p.u. for a port voltage that changes by 1 rad or by the factor e.
-PORT_TOLERANCE = 2e-3
+#: at ports and kept machines in p.u., for port voltages that swing as in the samples.
+PORT_TOLERANCE = 1e-3
+#: Frequency in Hz at which it is looked how much bases miss of an area, and how many times as much as
+#: of the intact network's area, or as the bound, they may miss of another one.
+CHECKED_AT, MOST_MISSED = 0.7, 10.0
 #: States of an area up to which its matrix is formed to be reduced.
 DENSE_UP_TO = 500
 
@@ -52,6 +64,10 @@ class Bases:
         T~ and T.
     weights : ndarray, shape (2 n_ports, 2 n_ports)
         How changes of the port currents count, :func:`interface_weights`.
+    input_weights : ndarray, shape (2 n_ports, 2 n_ports)
+        How changes of the port voltages count, :func:`port_swings`.
+    miss : float
+        Error of the transfer matrix of the intact network's area on them, :func:`_miss`.
     hankel_values : ndarray or None
         Hankel singular values from changes of the port voltages to what is caused, in p.u.
     bound : float or None
@@ -61,6 +77,8 @@ class Bases:
     lift: NDArray[np.float64] = field(repr=False)
     restrict: NDArray[np.float64] = field(repr=False)
     weights: NDArray[np.float64] = field(repr=False)
+    input_weights: NDArray[np.float64] = field(repr=False)
+    miss: float
     hankel_values: NDArray[np.float64] | None = field(repr=False)
     bound: float | None
 
@@ -102,6 +120,10 @@ class FoldedArea:
         Common rate of all rotor angles there, in rad/s.
     at_limits : tuple of str
         Limits of linear units that act there.
+    governed : tuple of UnitKey
+        Linear units whose prime movers are exact, because any swing takes them to a limit.
+    how : str
+        How it came about, for the log.
     """
 
     parts: Partition
@@ -116,6 +138,8 @@ class FoldedArea:
     states: StateMap = field(repr=False)
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
+    governed: tuple[UnitKey, ...] = ()
+    how: str = "reduced at the equilibrium of the intact network"
 
     @property
     def mode(self) -> Mode:
@@ -146,40 +170,58 @@ class FoldedArea:
         if mode is Mode.WHOLE:
             return self.whole(model)
         built = self._ported(model)
-        return SmallModel(built, built, 0, self.ports.units)
+        followed = mover_limits(model, self.governed)
+        return SmallModel(built, built, 0, self.ports.units, followed)
 
     def whole(self, model: DetailedModel) -> SmallModel:
         """The same with the study area and the retained machines linear as well, in closed form."""
-        ported = self._ported(model)
-        n_exact, r = len(ported.exact_index), self.states.order
+        places = self._places(model)
+        n_exact, r = len(places.exact_index), self.states.order
         lift = np.zeros((model.n_states, n_exact + r))
-        lift[ported.exact_index, np.arange(n_exact)] = 1.0
-        lift[ported.area_index, n_exact:] = self.states.lift_matrix
-        smooth = without_touched(model, self.origin, model.layout.source_units)
+        lift[places.exact_index, np.arange(n_exact)] = 1.0
+        lift[places.area_index, n_exact:] = self.states.lift_matrix
+        smooth = touched_held(model, self.origin, model.layout.source_units)
         moved = grid_descriptor(smooth, self.origin).apply(lift)
         drift = model.compiled(self.origin)
-        a = np.vstack([moved[ported.exact_index], self._restricted(moved[ported.area_index])])
-        offset = np.r_[drift[ported.exact_index], self._restricted(drift[ported.area_index])]
-        form, point = modal_form(a), ported.restrict(self.origin)
+        a = np.vstack([moved[places.exact_index], self._restricted(moved[places.area_index])])
+        offset = np.r_[drift[places.exact_index], self._restricted(drift[places.area_index])]
+        form, point = modal_form(a), places.restrict(self.origin)
         system: System
         if form is None:
             system, states = DenseSystem(a, offset), StateMap.identity(point)
         else:
             system = ModalSystem(form, form.inverse @ offset)
             states = StateMap(point, form.basis, form.inverse)
-        return SmallModel(system, WholeCoordinates(ported, states), 0, model.layout.source_units)
+        return SmallModel(system, WholeCoordinates(places, states), 0, model.layout.source_units)
 
-    def moved(self, model: DetailedModel, point: Equilibrium) -> FoldedArea:
-        """Linearized anew about `point`, the equilibrium of `model`, on the bases that are there."""
-        area = _linearized(self.ports, model, point.x, self.bases.weights)
-        return _projected(self, area, model, point)
+    def moved(
+        self, model: DetailedModel, point: Equilibrium, grid: DescriptorSystem | None = None
+    ) -> FoldedArea:
+        """Linearized anew about `point`, the equilibrium of `model`, where `grid` may be known.
+
+        It is projected on the bases that are there, unless they miss too much of it, or linear
+        machines are out, whose part in the common turn the bases know: then it is reduced anew.
+        """
+        area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
+        miss, usual = _miss(self.bases, area), self.bases.miss
+        told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
+        out = model.state.units_out.intersection(self.ports.units)
+        if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
+            known = replace(self, how=f"linearized anew; {told}")
+        else:
+            bases = _bases(self.reducer, area, model, self.bases.weights, self.bases.input_weights)
+            known = replace(self, bases=bases, how=f"reduced anew: {told}")
+        return _projected(known, area, model, point)
+
+    def _places(self, model: DetailedModel) -> PortCoordinates:
+        return port_coordinates(model, self.ports.units, self.area.state_index, self.states)
 
     def _ported(self, model: DetailedModel) -> PortModel:
-        index = self.area.state_index
-        buses, study = self.ports.buses, self.ports.study
+        ports, index = self.ports, self.area.state_index
         return build_port_model(
-            model, buses, study, self.linear_ports, index, self.states, self.origin
-        )
+            model, ports.buses, ports.study, ports.units, self.linear_ports, index, self.states,
+            self.origin,
+        )  # fmt: skip
 
     def _restricted(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(self.states.restrict_matrix @ rows)
@@ -187,22 +229,22 @@ class FoldedArea:
 
 @dataclass(frozen=True)
 class WholeCoordinates:
-    """Coordinates of a model that is linear throughout: v = v0 + V w over those of `ported`."""
+    """Coordinates of a model that is linear throughout: v = v0 + V w over those of `places`."""
 
-    ported: PortModel
+    places: PortCoordinates
     states: StateMap
 
     def lift(self, w: NDArray[np.float64]) -> NDArray[np.float64]:
         """States of the whole model, (..., n_states), from w, (..., r)."""
-        return self.ported.lift(self.states.lift(w))
+        return self.places.lift(self.states.lift(w))
 
     def lift_rows(self, w: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
         """The states at the positions `index` alone, (..., len(index))."""
-        return self.ported.lift_rows(self.states.lift(w), index)
+        return self.places.lift_rows(self.states.lift(w), index)
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state w nearest to the whole model's state x."""
-        return self.states.restrict(self.ported.restrict(x))
+        return self.states.restrict(self.places.restrict(x))
 
 
 def fold(
@@ -210,6 +252,7 @@ def fold(
     retained: Collection[UnitKey] = (),
     reducer: Reducer | None = None,
     weights: Weights = Weights.INTERFACE,
+    swings: Swings | None = None,
 ) -> FoldedArea:
     """Fold the external area behind its ports, at the equilibrium.
 
@@ -220,9 +263,12 @@ def fold(
     retained : collection of UnitKey
         External machines that stay exact.
     reducer : Reducer
-        Balanced truncation to a bound of 2e-3 p.u. by default.
+        Balanced truncation to a bound of 1e-3 p.u. by default.
     weights : Weights
-        What is balanced: what the area causes at its ports, or all of its states alike.
+        What is balanced: what sample swings of the ports cause at them, or all of the area's states
+        for unit changes of the port voltages.
+    swings : tuple of ndarrays, optional
+        From :func:`sample_swings`, those after boundary faults by default.
 
     Raises
     ------
@@ -240,10 +286,12 @@ def fold(
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)
     at_ports = interface_weights(parts.model, ports)
-    area = _linearized(ports, parts.model, point.x, at_ports)
-    if weights is Weights.STATES:
-        area = replace(area, system=area.system.with_outputs(np.eye(area.system.n)))
-    bases = _bases(chosen, area, parts.model, at_ports)
+    governed = limited_by_any_swing(parts.model, point.x, ports.units)
+    area = _linearized(ports, parts.model, point.x, at_ports, governed)
+    by_ports = np.zeros((0, 0))
+    if weights is Weights.INTERFACE:
+        by_ports = port_swings(area, parts, sample_swings(parts) if swings is None else swings)
+    bases = _bases(chosen, area, parts.model, at_ports, by_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -256,19 +304,42 @@ def on_bases(
 ) -> FoldedArea:
     """A folded area with bases that are known, at the equilibrium."""
     point = Equilibrium(parts.model.x0, 0.0)
-    area = _linearized(ports, parts.model, point.x, bases.weights)
+    governed = limited_by_any_swing(parts.model, point.x, ports.units)
+    area = _linearized(ports, parts.model, point.x, bases.weights, governed)
     return _about(parts, couple(parts), retained, ports, reducer, bases, area, point)
 
 
 def _bases(
-    reducer: Reducer, area: PortArea, model: DetailedModel, weights: NDArray[np.float64]
+    reducer: Reducer,
+    area: PortArea,
+    model: DetailedModel,
+    weights: NDArray[np.float64],
+    input_weights: NDArray[np.float64],
 ) -> Bases:
-    """Bases by which `reducer` truncates the area; the common turn of all angles stays exact."""
-    system, reference = area.system, area.x0
+    """Bases by which `reducer` truncates the area; the common turn of all angles stays exact.
+
+    Without input weights, (0, 0), all states count alike.
+    """
+    reference = area.x0
+    if input_weights.size:
+        system = area.driven.with_input_weights(input_weights)
+    else:
+        system = area.driven.with_outputs(np.eye(area.system.n))
     if not isinstance(reducer, BalancedTruncation):
         found = reducer.reduce(system.dense(), reference)
         maps, values = found.state_map, found.hankel_values
-        return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, found.bound)
+        return _checked(
+            Bases(
+                maps.lift_matrix,
+                maps.restrict_matrix,
+                weights,
+                input_weights,
+                0.0,
+                values,
+                found.bound,
+            ),
+            area,
+        )
     small = system.n <= DENSE_UP_TO
     found = reducer.reduce(
         system.dense() if small else system, reference, _exact(reducer, area, model)
@@ -277,7 +348,28 @@ def _bases(
     assert values is not None
     rule = OrderRule(reducer.tolerance, reducer.order)
     bound = 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
-    return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, bound)
+    return _checked(
+        Bases(maps.lift_matrix, maps.restrict_matrix, weights, input_weights, 0.0, values, bound),
+        area,
+    )
+
+
+def _checked(bases: Bases, area: PortArea) -> Bases:
+    return replace(bases, miss=_miss(bases, area))
+
+
+def _miss(bases: Bases, area: PortArea) -> float:
+    """Error of the transfer matrix of the projected area at a frequency of electromechanical swings.
+
+    Largest change of the voltages at ports and kept machines, in p.u., for port voltages that swing as
+    in the samples; without input weights for changes of 1 rad or by the factor e.
+    """
+    system, s = area.driven, CHECKED_AT * 2j * np.pi
+    if bases.input_weights.size:
+        system = system.with_input_weights(bases.input_weights)
+    a = bases.restrict @ system.apply(bases.lift)
+    small = np.linalg.solve(s * np.eye(bases.order) - a, bases.restrict @ system.b)
+    return float(np.linalg.norm(system.transfer_once(s) - system.c @ (bases.lift @ small), 2))
 
 
 def _exact(
@@ -286,16 +378,36 @@ def _exact(
     """States that stay exact: the common turn and, if wanted, slow modes of the whole grid."""
     if reducer.slow_modes is None:
         return area.turn
-    smooth = without_touched(model, model.x0, area.ports.units)
+    smooth = touched_held(model, model.x0, area.ports.units)
     _, vectors = slow_modes(grid_descriptor(smooth, model.x0), reducer.slow_modes)
     inside = vectors[area.state_index]
     return np.hstack([area.turn, inside.real, inside.imag])
 
 
 def _linearized(
-    ports: Ports, model: DetailedModel, x: NDArray[np.float64], weights: NDArray[np.float64]
+    ports: Ports,
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    governed: tuple[UnitKey, ...],
+    grid: DescriptorSystem | None = None,
 ) -> PortArea:
-    return linearize_ports(ports, without_touched(model, x, ports.units), x, weights)
+    """The area behind the ports about `x`, without the prime movers of the `governed` machines.
+
+    `grid` is the whole linearized there, if that is known.
+    """
+    smooth = touched_held(model, x, ports.units)
+    movers = prime_movers(smooth, x, governed) if governed else None
+    known = grid if smooth is model else None
+    return linearize_ports(ports, smooth, x, weights, movers, known)
+
+
+def _at_limits(
+    model: DetailedModel, x: NDArray[np.float64], ports: Ports, area: PortArea
+) -> tuple[str, ...]:
+    """Limits that act, or are touched, at `x` and are not followed."""
+    followed = mover_limits(model, area.movers.units if area.movers is not None else ())
+    return tuple(n for n in limits_touched(model, x, ports.units) if n not in followed)
 
 
 def _about(
@@ -309,10 +421,11 @@ def _about(
     point: Equilibrium,
 ) -> FoldedArea:
     linear_ports, states = _in_modes(bases, area)
-    at_limits = limits_touched(parts.model, point.x, ports.units)
+    at_limits = _at_limits(parts.model, point.x, ports, area)
+    governed = area.movers.units if area.movers is not None else ()
     return FoldedArea(
         parts, coupling, retained, ports, reducer, bases, area, point.x, linear_ports, states,
-        point.rate, at_limits,
+        point.rate, at_limits, governed,
     )  # fmt: skip
 
 
@@ -327,7 +440,7 @@ def _projected(
         linear_ports=linear_ports,
         states=states,
         rate=point.rate,
-        at_limits=limits_touched(model, point.x, known.ports.units),
+        at_limits=_at_limits(model, point.x, known.ports, area),
     )
 
 
@@ -350,8 +463,19 @@ def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
         c=area.log_slopes @ lift,
         current=area.current,
         voltage=area.voltage,
-        turned=area.log_slopes @ area.turn[:, 0] - np.repeat([0.0, 1.0], len(area.voltage)),
+        turned=area.turned,
+        movers=_power_inputs(area, lift, restrict),
     ), StateMap(area.x0, lift, restrict)
+
+
+def _power_inputs(
+    area: PortArea, lift: NDArray[np.float64], restrict: NDArray[np.float64]
+) -> PowerInputs | None:
+    """The exact prime movers of the area's machines as its coordinates know them."""
+    at = area.movers
+    if at is None:
+        return None
+    return PowerInputs(at.units, at.speed, at.power, area.speeds @ lift, restrict @ area.powers)
 
 
 def _pairs_apart(form: ModalForm) -> tuple[NDArray[np.int64], int]:

@@ -17,6 +17,8 @@ from gridfold.simulation.segment import Piece
 
 #: Samples of a linear phase at which limits that are not watched are looked at: every one of so many.
 _EVERY = 5
+#: What a held state may move, in p.u. and in parts of its limit, within so many seconds.
+LET_GO, LET_GO_TIME = 1e-2, 0.1
 _LISTED = 3
 
 
@@ -36,6 +38,8 @@ class LinearLimits:
         Names of the others, which are looked at between phases and after the run.
     watch : BoxWatch or None
         Holds when a state is beyond its limit by more than the tolerance.
+    held : StateLimits
+        Limits that hold a state at the operating point: in the small model it stands still.
     """
 
     model: DetailedModel
@@ -43,6 +47,7 @@ class LinearLimits:
     direct: StateLimits
     others: frozenset[str]
     watch: BoxWatch | None
+    held: StateLimits
 
     def reached(self, x: NDArray[np.float64], inside: bool) -> tuple[str, ...]:
         """Names of the limits in the way of the small model at the whole system's state `x`.
@@ -62,7 +67,29 @@ class LinearLimits:
             if beyond > slack
         }
         names = self.others | set(self.direct.names) if inside else self.others
+        found |= set(self._let_go(x[None, :]))
         return tuple(sorted(found | set(self._acting(np.array(states), names))))
+
+    def let_go(self, piece: Piece) -> dict[str, float]:
+        """Limits that would have let go of what they hold in a linear phase, and when (s)."""
+        rows = slice(0, max(len(piece.times) - 1, 1), _EVERY)
+        found = self._let_go(piece.segment.lift(piece.states[rows])) if self.held.names else {}
+        return {name: float(piece.times[rows][first]) for name, first in found.items()}
+
+    def _let_go(self, states: NDArray[np.float64]) -> dict[str, int]:
+        """Held limits whose state is, or would soon be, away from them; the first row of `states`."""
+        held = self.held
+        if not held.names:
+            return {}
+        allowed = LET_GO * np.maximum(np.abs(held.bound), 1.0)
+        away = np.array([-held.beyond(x) for x in states])
+        rates = np.array([-held.side * self.model.compiled(x)[held.index] for x in states])
+        gone = (away > allowed) | (LET_GO_TIME * rates > allowed)
+        return {
+            name: int(np.argmax(rows))
+            for name, rows in zip(held.names, gone.T, strict=True)
+            if rows.any()
+        }
 
     def passed(self, piece: Piece, all_of_them: bool) -> dict[str, float]:
         """Limits that a linear phase passed, and when (s): all, or those that are not watched."""
@@ -92,15 +119,18 @@ def linear_limits(
 ) -> LinearLimits | None:
     """Limits that do not act as they should in `small`, linearized about `origin`; None if none.
 
-    Those named `without` are left out.
+    Those named `without` are held at the operating point: it is only asked whether they let go.
     """
     units = small.unlimited
-    everything = set(limits_along(model, origin[None, :], units)) - set(without)
-    if not everything:
+    every = state_limits(model, origin, units, small.followed)
+    held = every.only(set(without))
+    without = {*without, *small.followed}
+    everything = set(limits_along(model, origin[None, :], units)) - without
+    if not everything and not held.names:
         return None
     direct = state_limits(model, origin, units, without)
     others = frozenset(everything - set(direct.names))
-    return LinearLimits(model, small, direct, others, _box(small, direct))
+    return LinearLimits(model, small, direct, others, _box(small, direct), held)
 
 
 def _box(small: SmallModel, limits: StateLimits) -> BoxWatch | None:
@@ -129,6 +159,17 @@ def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
     return [
         Notice(time, f"passed by a small model, which is not right beyond: {listed(group)}")
         for time, group in names.items()
+    ]
+
+
+def let_go_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
+    """Held limits that would have let go in linear phases, each when that was first seen."""
+    first: dict[str, float] = {}
+    for found in phases:
+        first = {**found, **first}
+    return [
+        Notice(time, f"would let go of what a small model holds at this limit: {name}")
+        for name, time in sorted(first.items(), key=lambda item: item[1])
     ]
 
 

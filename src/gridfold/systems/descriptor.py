@@ -109,6 +109,12 @@ class DescriptorSystem:
         """The same with the outputs y = C x."""
         return replace(self, c=c)
 
+    def with_input_weights(self, weights: Matrix) -> DescriptorSystem:
+        """The same with the first k inputs u = L w, for `weights` L of shape (k, k)."""
+        k = len(weights)
+        b1, b2 = (np.hstack([b[:, :k] @ weights, b[:, k:]]) for b in (self.b1, self.b2))
+        return replace(self, b1=b1, b2=b2)
+
     def algebraic_transposed(self, rhs: Matrix) -> Matrix:
         """A22^-T R for the columns of `rhs`, shape (k, j)."""
         return np.asarray(self._factors.solve(rhs, "T") if self.a22.shape[0] else rhs)
@@ -150,6 +156,14 @@ class DescriptorSystem:
         except RuntimeError:
             raise OptionError(f"{s} is an eigenvalue of the system") from None
         return Resolvent(factors, self.n, order)
+
+    def transfer_once(self, s: complex) -> NDArray[np.complex128]:
+        """C (s I - A)^-1 B at one frequency, (p, m), where no other will be asked for."""
+        matrix = block_array([[self.a11, self.a12], [self.a21, self.a22]], format="csc")
+        unit = diags_array((np.arange(matrix.shape[0]) < self.n).astype(float), format="csc")
+        factors = splu(matrix - s * unit, permc_spec="MMD_AT_PLUS_A", **_FACTORS)
+        solution = factors.solve(np.vstack([-self.b1, -self.b2]).astype(np.complex128))
+        return np.asarray(self.c @ solution[: self.n])
 
     @cached_property
     def _ordered(self) -> tuple[csc_array, csc_array, NDArray[np.int64]]:

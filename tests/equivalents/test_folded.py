@@ -1,0 +1,275 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import gridfold as gf
+from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
+from gridfold.equivalents import folded
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.folded import fold, on_bases
+from gridfold.errors import OptionError
+from gridfold.grid.timeline import build_timeline
+from gridfold.partition import couple, partition
+from gridfold.reduction import BalancedTruncation, ModalTruncation, Unreduced
+from gridfold.simulation import Segment, run_segments
+from gridfold.systems import LinearSystem
+
+NEAR_BOUNDARY = (42, 50, 51, 78, 134)
+FREQUENCIES = np.concatenate([[0.0], np.logspace(-3, 3, 60)])
+ALWAYS = gf.SwitchingRule(0.0, limits=False)
+
+
+@pytest.fixture(scope="module")
+def parts(npcc):
+    return partition(npcc, range(1, 37))
+
+
+@pytest.fixture(scope="module")
+def linear(parts):
+    return fold(parts)
+
+
+@pytest.fixture(scope="module")
+def retained(parts):
+    return fold(parts, near_boundary(parts))
+
+
+def near_boundary(parts):
+    return [unit for unit in parts.external_units if unit.bus in NEAR_BOUNDARY]
+
+
+def after(model, *events):
+    return model.for_state(build_timeline(model.case, list(events), 1.0)[-1].state)
+
+
+def gain(response):
+    """Largest singular value over all frequencies of a response (n_frequencies, p, m)."""
+    return float(np.linalg.norm(response, 2, axis=(1, 2)).max())
+
+
+def projected(area, lift, restrict):
+    system = area.system
+    return LinearSystem(restrict @ system.apply(lift), restrict @ system.b, system.c @ lift)
+
+
+@pytest.mark.parametrize("kept", [0, 5])
+@pytest.mark.parametrize("tolerance", [1e-1, 2e-3])
+def test_the_interface_balanced_truncation_obeys_its_bound(parts, kept, tolerance):
+    area = fold(parts, near_boundary(parts)[:kept], Unreduced()).area
+    reduction = BalancedTruncation(tolerance).reduce(area.system.dense(), area.x0)
+    full = area.system.dense().transfer(1j * FREQUENCIES)
+    error = gain(full - reduction.system.transfer(1j * FREQUENCIES))
+    assert 0.01 * reduction.bound < error <= reduction.bound <= tolerance
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 2e-3])
+def test_with_the_common_turn_kept_the_error_is_still_below_the_bound_for_npcc(parts, tolerance):
+    family = fold(parts, near_boundary(parts), BalancedTruncation(tolerance))
+    bases, area = family.bases, family.area
+    plain = BalancedTruncation(tolerance).reduce(area.system.dense(), area.x0)
+    full = area.system.dense().transfer(1j * FREQUENCIES)
+    small = projected(area, bases.lift, bases.restrict)
+    assert bases.order == plain.order + 1
+    assert bases.bound == pytest.approx(plain.bound, rel=1e-6)
+    assert small.poles.real.max() < 0
+    assert gain(full - small.transfer(1j * FREQUENCIES)) <= bases.bound
+
+
+def test_the_common_turn_is_in_the_reduced_area_exactly(retained):
+    turn = retained.area.turn[:, 0]
+    again = retained.states.lift_matrix @ (retained.states.restrict_matrix @ turn)
+    np.testing.assert_allclose(again, turn, atol=1e-10)
+
+
+def test_lift_and_restrict_are_inverse_on_the_reduced_area(retained):
+    bases, states = retained.bases, retained.states
+    identity = np.eye(bases.order)
+    np.testing.assert_allclose(bases.restrict @ bases.lift, identity, atol=1e-9)
+    np.testing.assert_allclose(states.restrict_matrix @ states.lift_matrix, identity, atol=1e-9)
+
+
+def test_the_modes_of_the_ports_have_the_transfer_function_of_the_projection(retained):
+    found, n_pairs = retained.linear_ports, len(retained.linear_ports.coupling)
+    a = np.diag(found.diagonal)
+    first = found.order - 2 * n_pairs + np.arange(n_pairs)
+    a[first, first + n_pairs], a[first + n_pairs, first] = found.coupling, -found.coupling
+    modal = LinearSystem(a, found.b, found.c).transfer(1j * FREQUENCIES)
+    small = projected(retained.area, retained.bases.lift, retained.bases.restrict)
+    logs = retained.area.log_slopes @ retained.bases.lift
+    expected = LinearSystem(small.a, small.b, logs).transfer(1j * FREQUENCIES)
+    assert gain(modal - expected) < 1e-8 * gain(expected)
+
+
+def errors_deg(parts, family, faults):
+    small, found = gf.SmallModels(family), {}
+    for fault in faults:
+        detailed = gf.simulate(parts.model, [fault], 8.0)
+        run = gf.simulate_adaptive(parts.model, small, ALWAYS, [fault], 8.0)
+        assert run.modes[-1] is Mode.RETAINED
+        worst = gf.compare(detailed, run.trajectory, parts.study_units).worst
+        found[fault] = worst.rms_deg
+    return found
+
+
+#: Faults at study-area lines that are then tripped, all stable.
+LINES = ("3-2", "4-1", "5-31", "9-30", "14-13", "28-29", "33-32", "35-34")
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        gf.BranchTrip("3-2"),
+        gf.BranchTrip("53-52"),
+        gf.LoadStep(46, active_mw=200.0),
+        gf.MachineTrip(78),
+        gf.MachineTrip(133),
+    ],
+    ids=["study branch", "hidden branch", "hidden load", "retained machine", "linear machine"],
+)
+def test_about_another_point_an_area_rests_there(npcc, retained, event):
+    model = after(npcc, event)
+    point = find_equilibrium(model, npcc.x0)
+    moved = retained.moved(model, point)
+    built = moved.build(Mode.RETAINED, model).system
+    derivative = built.compiled(built.restrict(point.x))
+    turn = np.zeros(npcc.n_states)
+    live = tuple(unit for unit in model.machines if unit not in model.state.units_out)
+    turn[model.slots("rotor_angle", live)] = point.rate
+    rest = built.lift(derivative) - built.lift(np.zeros(len(derivative)))
+    np.testing.assert_allclose(rest, turn, atol=1e-8)
+    np.testing.assert_array_equal(moved.origin, point.x)
+    assert np.abs(point.x - npcc.x0).max() > 1e-4
+    assert (moved.bases is retained.bases) is not (event == gf.MachineTrip(133))
+
+
+@pytest.mark.parametrize("bus", [101, 133, 139])
+def test_a_trip_of_a_linear_machine_is_followed(parts, retained, bus):
+    trip = gf.MachineTrip(bus)
+    assert errors_deg(parts, retained, [trip])[trip] < 0.3
+
+
+def test_where_an_area_cannot_be_joined_the_detailed_model_takes_over(npcc, parts):
+    all_but_one = [unit for unit in parts.external_units if unit.bus != 78]
+    family = fold(parts, all_but_one, Unreduced())
+    run = gf.simulate_adaptive(npcc, family, ALWAYS, [gf.MachineTrip(78, time=0.1)], 0.5)
+    assert run.modes == (Mode.RETAINED, Mode.DETAILED)
+
+
+def test_moved_to_where_it_was_it_is_the_same(npcc, retained):
+    again = retained.moved(npcc, Equilibrium(npcc.x0, 0.0)).linear_ports
+    np.testing.assert_array_equal(again.reals, retained.linear_ports.reals)
+
+
+def test_known_bases_give_the_same_area_again(parts, retained):
+    again = on_bases(parts, retained.retained, retained.ports, retained.reducer, retained.bases)
+    np.testing.assert_array_equal(again.linear_ports.reals, retained.linear_ports.reals)
+    np.testing.assert_array_equal(again.states.lift_matrix, retained.states.lift_matrix)
+
+
+class NewBases:
+    """A family that is reduced anew about every operating point."""
+
+    def __init__(self, family):
+        self.family = family
+
+    def __getattr__(self, name):
+        return getattr(self.family, name)
+
+    def moved(self, model, point):
+        area = folded._linearized(self.ports, model, point.x, self.bases.weights)
+        bases = folded._bases(self.reducer, area, self.bases.weights)
+        return NewBases(folded._projected(replace(self.family, bases=bases), area, model, point))
+
+
+def test_on_old_bases_line_faults_are_as_exact_as_on_new_ones(parts, retained):
+    faults = [gf.BranchFault(line, duration=0.05) for line in LINES]
+    old = errors_deg(parts, retained, faults)
+    new = errors_deg(parts, NewBases(retained), faults)
+    for fault in faults:
+        assert 1e-3 < old[fault] < 1.0
+        assert old[fault] == pytest.approx(new[fault], rel=0.1)
+
+
+def test_what_cannot_be_retained_or_reduced_is_told(parts):
+    with pytest.raises(OptionError, match=r"machine 23:1 cannot be retained"):
+        fold(parts, [gf.UnitKey(23, "1")])
+    with pytest.raises(OptionError, match="machines of its own"):
+        fold(parts, parts.external_units)
+
+
+def test_a_modal_truncation_can_fold_an_area_too(parts):
+    family = fold(parts, (), ModalTruncation(order=120))
+    assert family.bases.order == 120
+    assert family.bases.hankel_values is None
+    built = family.build(Mode.LINEAR, parts.model).system
+    assert np.abs(built.compiled(built.restrict(parts.model.x0))).max() < 1e-8
+
+
+def test_a_family_tells_its_mode_units_and_reference(parts, linear, retained):
+    assert linear.modes == (Mode.LINEAR,)
+    assert retained.modes == (Mode.RETAINED,)
+    assert retained.study_units == parts.study_units
+    assert retained.reference_unit == couple(parts).reference
+    small = retained.build(Mode.RETAINED, parts.model)
+    assert small.unlimited == retained.ports.units
+    assert len(small.unlimited) == 34
+    assert linear.held_at_limits(Mode.LINEAR) == ()
+
+
+@pytest.mark.parametrize("family", ["linear", "retained"])
+@pytest.mark.parametrize("events", [[], [gf.BranchTrip("3-2")]], ids=["intact", "tripped"])
+def test_linear_throughout_is_the_linearization_of_the_port_model(npcc, request, family, events):
+    model, area = after(npcc, *events), request.getfixturevalue(family)
+    if events:
+        area = area.moved(model, find_equilibrium(model, npcc.x0))
+    ported = area.build(area.modes[0], model).system
+    whole = area.build(Mode.WHOLE, model)
+    point = ported.restrict(area.origin)
+    v = np.random.default_rng(4).standard_normal(len(point))
+    h = 1e-4
+    near, far = (
+        ported.compiled(point + s * h * v) - ported.compiled(point - s * h * v) for s in (1, 2)
+    )
+    expected = (8 * near - far) / (12 * h)
+    states = whole.coordinates.states
+    w0 = states.restrict(point)
+    found = states.lift_matrix @ (
+        whole.system.compiled(w0 + states.restrict_matrix @ v) - whole.system.compiled(w0)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+    drift = states.lift_matrix @ whole.system.compiled(w0)
+    np.testing.assert_allclose(drift, ported.compiled(point), atol=1e-7)
+
+
+def test_the_closed_form_equals_stepping_and_the_exponential(npcc, retained):
+    whole = retained.build(Mode.WHOLE, npcc)
+    start = npcc.x0.copy()
+    start[npcc.slots("rotor_angle", npcc.machines[:5])] += 0.2
+    closed = Segment(whole.system, 2.0, coordinates=whole.coordinates)
+    found = run_segments([closed], start, gf.RungeKutta4(0.01)).pieces[0].states[-1]
+    w = whole.coordinates.restrict(start)
+    step, rhs = 1e-3, whole.system.compiled
+    for _ in range(2000):
+        k1 = rhs(w)
+        k2 = rhs(w + step / 2 * k1)
+        k3 = rhs(w + step / 2 * k2)
+        w = w + step / 6 * (k1 + 2 * k2 + 2 * k3 + rhs(w + step * k3))
+    lifted = [whole.coordinates.lift(state) for state in (found, w)]
+    np.testing.assert_allclose(lifted[0], lifted[1], atol=1e-6)
+    a = np.array([rhs(column) - rhs(0 * column) for column in np.eye(len(w))]).T
+    exact = expm(2.0 * a) @ whole.coordinates.restrict(start)
+    assert np.abs(rhs(0 * w)).max() < 1e-8
+    np.testing.assert_allclose(lifted[0], whole.coordinates.lift(exact), atol=1e-8)
+
+
+def test_rows_are_lifted_without_the_others(npcc, retained):
+    coordinates = retained.build(Mode.WHOLE, npcc).coordinates
+    w = np.random.default_rng(1).standard_normal((3, coordinates.states.order))
+    index = np.random.default_rng(2).permutation(npcc.n_states)[:40]
+    np.testing.assert_allclose(
+        coordinates.lift_rows(w, index), coordinates.lift(w)[:, index], atol=1e-12
+    )
