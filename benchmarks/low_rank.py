@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from report import ROOT, Goal, Section, Table, machine, one_thread, write
 
 from gridfold import Partition, build_model, load_case, partition
-from gridfold.dynamics.unit_limits import without_touched
+from gridfold.dynamics.unit_limits import touched_held
 from gridfold.equivalents.folded import PORT_TOLERANCE
 from gridfold.numerics.modal_form import modal_form
 from gridfold.partition.areas import study_buses
@@ -114,7 +114,7 @@ def area_of(parts: Partition) -> DescriptorSystem:
     """The external area behind its ports, linearized anew."""
     model = parts.model
     ports = find_ports(model, parts.external_units, parts.study_buses)
-    smooth = without_touched(model, model.x0, ports.units)
+    smooth = touched_held(model, model.x0, ports.units)
     return linearize_ports(ports, smooth, model.x0, interface_weights(model, ports)).system
 
 
