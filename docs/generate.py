@@ -40,6 +40,7 @@ MADE_ELSEWHERE = {
     "peers": ("make bench-peers", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
+    "low_rank": ("make bench-low-rank", 2),
     "studies": ("python benchmarks/studies.py", 3),
     "kill_and_resume": ("python benchmarks/kill_and_resume.py", 3),
 }
