@@ -12,10 +12,10 @@ from gridfold.equivalents import folded
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import fold, on_bases
 from gridfold.equivalents.model_kind import Weights
-from gridfold.equivalents.swings import port_swings, sample_swings
+from gridfold.equivalents.swings import port_swings
 from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
-from gridfold.partition import couple, partition
+from gridfold.partition import couple
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Unreduced
 from gridfold.simulation import Segment, run_segments
 from gridfold.systems import LinearSystem
@@ -26,23 +26,23 @@ ALWAYS = gf.SwitchingRule(0.0, limits=False)
 
 
 @pytest.fixture(scope="module")
-def parts(npcc):
-    return partition(npcc, range(1, 37))
+def parts(npcc_parts):
+    return npcc_parts
 
 
 @pytest.fixture(scope="module")
-def swings(parts):
-    return sample_swings(parts)
+def swings(npcc_swings):
+    return npcc_swings
 
 
 @pytest.fixture(scope="module")
-def linear(parts, swings):
-    return fold(parts, swings=swings)
+def linear(npcc_linear):
+    return npcc_linear
 
 
 @pytest.fixture(scope="module")
-def retained(parts, swings):
-    return fold(parts, near_boundary(parts), swings=swings)
+def retained(npcc_retained):
+    return npcc_retained
 
 
 def near_boundary(parts):

@@ -10,26 +10,22 @@ import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.equivalents.adaptive import Band, SwitchingRule
 from gridfold.equivalents.families import Mode
-from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
-from gridfold.partition import partition
 
-NEAR_BOUNDARY = (42, 50, 51, 78, 134)
 DETAILED, RETAINED, LINEAR, WHOLE = Mode.DETAILED, Mode.RETAINED, Mode.LINEAR, Mode.WHOLE
 INFINITE = float("inf")
 
 
 @pytest.fixture(scope="module")
-def parts(npcc):
-    return partition(npcc, range(1, 37))
+def parts(npcc_parts):
+    return npcc_parts
 
 
 @pytest.fixture(scope="module")
-def ladder(parts):
-    near = [unit for unit in parts.external_units if unit.bus in NEAR_BOUNDARY]
-    return Ladder((fold(parts, near), fold(parts)), whole=True)
+def ladder(npcc_retained, npcc_linear):
+    return Ladder((npcc_retained, npcc_linear), whole=True)
 
 
 def costs(detailed, retained, linear, whole):

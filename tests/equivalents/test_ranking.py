@@ -12,13 +12,13 @@ from gridfold.partition import couple, partition
 
 
 @pytest.fixture(scope="module")
-def parts(npcc):
-    return partition(npcc, range(1, 37))
+def parts(npcc_parts):
+    return npcc_parts
 
 
 @pytest.fixture(scope="module")
-def ranking(parts):
-    return rank_retained(parts)
+def ranking(parts, npcc_swings):
+    return rank_retained(parts, npcc_swings)
 
 
 def test_all_external_machines_are_ranked_by_falling_score(parts, ranking):

@@ -22,6 +22,7 @@ from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
     LONGEST_ABOVE,
     PORTED,
+    PRINTED,
     WHOLE_DEG,
     ModelKind,
     Outputs,
@@ -37,6 +38,8 @@ from gridfold.grid.number_ranges import as_ranges
 from gridfold.partition import Partition, couple
 from gridfold.reduction import Reducer
 
+#: Models that have no form with states.
+_PORTS_ALONE = (ModelKind.AUTO, ModelKind.RETAINED, ModelKind.ADAPTIVE, ModelKind.WHOLE)
 #: What stands for the external area.
 Family = Ladder | ReducedExternal | WholeSystem
 
@@ -104,10 +107,11 @@ class ModelSettings:
         lagged = self.coupling is BoundaryCoupling.LAGGED
         if lagged and self.outputs is Outputs.POLAR:
             raise OptionError("the lagged coupling needs outputs 'states'")
-        if self.kind in PORTED and self.kind is not ModelKind.LINEAR and not self.ported:
+        states = lagged or self.outputs is Outputs.STATES
+        if self.kind in _PORTS_ALONE and states:
             what = "the lagged coupling" if lagged else "outputs 'states'"
             raise OptionError(f"{what} has no effect on the {self.kind.value} model")
-        if self.kind not in PORTED and self.outputs is Outputs.POLAR:
+        if self.kind in PRINTED and self.outputs is Outputs.POLAR:
             raise OptionError(
                 f"the {self.kind.value} model forms states: outputs 'polar' is not its"
             )
