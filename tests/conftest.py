@@ -14,7 +14,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     _cache = tempfile.TemporaryDirectory(prefix="gridfold-tests-")
     os.environ["NUMBA_CACHE_DIR"] = _cache.name
 
-from cases import npcc_model_on
+from cases import FALLING, npcc_model_on
 
 import gridfold as gf
 from gridfold.equivalents.families import Mode
@@ -24,8 +24,6 @@ from gridfold.equivalents.swings import Swings, sample_swings
 
 #: Buses of the external machines that the paper keeps nonlinear.
 NEAR_BOUNDARY = (42, 50, 51, 78, 134)
-#: Seconds of a step of each rung where every rung is to pay, whatever the machine.
-FALLING = {Mode.DETAILED: 4e-5, Mode.RETAINED: 3e-5, Mode.LINEAR: 2e-5, Mode.WHOLE: 1e-5}
 
 
 @pytest.fixture(scope="session")
