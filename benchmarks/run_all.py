@@ -11,6 +11,7 @@ import implicit_rule
 import network_backends
 import psse_cases
 import reduced_models
+import retained_machines
 import second_case
 import speed
 import verdicts
@@ -20,7 +21,7 @@ COMMAND = "python benchmarks/run_all.py"
 
 
 def main() -> None:
-    """Run everything; clearing times, sweeps, verdicts and PSS/E cases get pages of their own."""
+    """Run everything; what is in `pages` gets pages of its own."""
     began = time.perf_counter()
     sections: list[Section] = []
     measures = (
@@ -34,7 +35,14 @@ def main() -> None:
     for measure in measures:
         sections.append(measure())
         print(sections[-1], end="\n\n", flush=True)
-    for page in (clearing_times.main, error_sweeps.main, verdicts.main, psse_cases.main):
+    pages = (
+        clearing_times.main,
+        error_sweeps.main,
+        retained_machines.main,
+        verdicts.main,
+        psse_cases.main,
+    )
+    for page in pages:
         print(page(), end="\n\n", flush=True)
     write("benchmarks.md", "# Benchmarks", f"{machine()} All of it: `{COMMAND}`.", *sections)
     goals = [goal for section in sections for goal in section.goals]

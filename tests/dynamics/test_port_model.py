@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from row_of_areas import row_of_areas
@@ -14,7 +16,8 @@ from gridfold.simulation import Segment, run_segments
 
 MIXED = gf.LoadModel((0.3, 0.3, 0.4))
 NEAR_BOUNDARY = (42, 50, 51, 78, 134)
-MODELS = ("npcc", "npcc_sparse", "mixed", "row")
+MODELS = ("npcc", "npcc_sparse", "mixed", "row", "bus", "mixed_bus")
+TURNING = MODELS[:4]
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +28,24 @@ def mixed():
 @pytest.fixture(scope="module")
 def row():
     return gf.build_model(row_of_areas(), loads=MIXED)
+
+
+def row_with_infinite_bus(loads):
+    case = row_of_areas()
+    devices = tuple(device for device in case.devices if device.bus != 32)
+    source = gf.DeviceRecord("infinite_bus", 32, "1", {"reactance": 0.05})
+    return gf.build_model(replace(case, devices=(*devices, source)), loads=loads)
+
+
+@pytest.fixture(scope="module")
+def bus():
+    """A grid with an infinite bus among the linear units, which has no states."""
+    return row_with_infinite_bus(None)
+
+
+@pytest.fixture(scope="module")
+def mixed_bus():
+    return row_with_infinite_bus(MIXED)
 
 
 def study_of(model):
@@ -96,7 +117,7 @@ def test_derivatives_are_those_of_the_detailed_model_to_second_order(request, na
     assert error(1e-3) < 1e-2 * np.abs(model.compiled(model.x0 + 1e-3 * off)).max()
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", TURNING)
 @pytest.mark.parametrize(
     "reducer", [Unreduced(), BalancedTruncation(2e-3)], ids=["full", "reduced"]
 )

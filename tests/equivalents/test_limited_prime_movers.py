@@ -16,6 +16,7 @@ from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import FoldedArea, fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
+from gridfold.equivalents.swings import sample_swings
 from gridfold.runs.loading import load_psse
 from gridfold.runs.method import choose_stepper
 
@@ -133,13 +134,10 @@ def test_slopes_in_the_power_and_the_speed_are_those_of_the_whole_jacobian():
 def test_the_scan_finds_external_machines_whose_exciters_reach_limits():
     parts = parts_of()
     samples = [[gf.BusFault(bus, duration=0.1)] for bus in (38, 21, 32)]
-    found = limited_units(parts, samples, t_end=2.0)
+    found = limited_units(parts, sample_swings(parts, samples, t_end=2.0))
     assert [unit.bus for unit, _ in found] == [32, 38]
-    assert [reasons[0][0] for _, reasons in found] == [
-        "VRMAX of ieeet1 32:1",
-        "VRMAX of ieeet1 38:1",
-    ]
-    assert limited_units(parts, t_end=2.0) == ()
+    assert [limits[0] for _, limits in found] == ["VRMAX of ieeet1 32:1", "VRMAX of ieeet1 38:1"]
+    assert limited_units(parts, sample_swings(parts, t_end=2.0)) == ()
 
 
 def test_a_ladder_is_climbed_where_a_rung_that_is_linear_throughout_is_at_a_limit():

@@ -206,8 +206,37 @@ def test_currents_at_the_nodes_are_those_that_make_the_bus_voltages(npcc):
 
 def test_states_of_the_area_are_those_of_its_machines(npcc, parts):
     area, _ = area_at(npcc)
-    assert area_states(npcc, area.ports).tolist() == parts.states_of(area.ports.units)
+    assert area_states(npcc, area.ports.units).tolist() == parts.states_of(area.ports.units)
     assert len(area.x0) == 34 * 9
+
+
+@pytest.mark.parametrize("model", ["npcc", "mixed"])
+def test_a_machine_that_is_out_neither_turns_nor_is_seen(request, model):
+    model = changed(request.getfixturevalue(model), gf.MachineTrip(133))
+    area, _ = area_at(model, spread=0.05)
+    names = area.system.state_names
+    out = np.array([name.endswith(":133:1") for name in names])
+    angles = np.array([name.startswith("angle:") for name in area.system.input_names])
+    dense = area.system.dense()
+    assert area.turn[:, 0].tolist() == [
+        float(name.startswith("rotor_angle:") and not name.endswith(":133:1")) for name in names
+    ]
+    moved = dense.a @ area.turn[:, 0] + dense.b[:, angles].sum(axis=1)
+    assert np.abs(moved).max() < 1e-10 * np.abs(dense.b).max()
+    assert not dense.a[~out][:, out].any()
+    assert not dense.b[out].any()
+    assert not area.log_slopes[:, out].any()
+    np.testing.assert_array_equal(dense.a[out], -np.eye(len(names))[out])
+
+
+def test_an_area_may_be_one_machine_at_its_port(npcc, parts):
+    area, x = area_at(npcc, [unit.bus for unit in parts.external_units if unit.bus != 78], 0.1)
+    assert area.ports.buses == (78,)
+    at = npcc.layout.source_units.index(gf.UnitKey(78, "1"))
+    currents = node_currents(npcc, x)[:, [at]].toarray()[:, 0]
+    real, imag = currents[currents != 0]
+    np.testing.assert_allclose(area.current, [real + 1j * imag], rtol=1e-12)
+    np.testing.assert_allclose(area.log_slopes @ area.turn[:, 0], [0.0, 1.0], atol=1e-12)
 
 
 def test_a_bus_without_voltage_or_without_machines_behind_it_is_no_port(npcc, parts):

@@ -201,7 +201,8 @@ def cct(
     basis = basis_of(grid)
     method = runs.choose(grid)
     steps = round(runs.t_end / method.stepper.step)
-    simulator = choice.build(grid, source.case, Work(_RUNS_PER_FAULT * len(faults), steps))
+    work = Work(_RUNS_PER_FAULT * len(faults), steps)
+    simulator = choice.build(grid, source.case, work, method.stepper)
     with stage_bars() as bars:
         times = critical_clearing_times(
             grid,

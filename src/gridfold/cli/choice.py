@@ -122,10 +122,10 @@ class ModelChoice:
             unused += given(self.external.retain)
         return unused
 
-    def build(self, model: DetailedModel, source: str, work: Work) -> Simulator:
-        """What simulates `work`, for `model` of the case from `source`."""
+    def build(self, model: DetailedModel, source: str, work: Work, stepper: Stepper) -> Simulator:
+        """What simulates `work` with `stepper`, for `model` of the case from `source`."""
         if self.model is ModelKind.AUTO:
-            return self._automatic(model, source, work)
+            return self._automatic(model, source, work, stepper)
         if self.model is ModelKind.DETAILED:
             unused = given(self.external.area)
             why = f"{unused[0]} has no effect on the detailed model" if unused else None
@@ -139,17 +139,19 @@ class ModelChoice:
         else:
             parts = self.external.divide(model, source)
             settings = self._settings(parts)
-            family = settings.build(parts)
+            family = settings.build(parts, stepper)
         return Simulator.of(settings, family, time.perf_counter() - began)
 
-    def _automatic(self, model: DetailedModel, source: str, work: Work) -> Simulator:
+    def _automatic(
+        self, model: DetailedModel, source: str, work: Work, stepper: Stepper
+    ) -> Simulator:
         began = time.perf_counter()
         known = given(self.external.area) or source in STUDY_AREAS
         parts = self.external.divide(model, source) if known else None
         settings = ModelSettings(ModelKind.ADAPTIVE)
         if parts is not None:
             settings = replace(self._settings(parts), kind=ModelKind.ADAPTIVE)
-        chosen = choose_model(settings, model, parts, work)
+        chosen = choose_model(settings, model, parts, work, stepper)
         if chosen.family is None:
             return Simulator(ModelKind.DETAILED, reason=chosen.reason)
         simulator = Simulator.of(settings, chosen.family, time.perf_counter() - began)

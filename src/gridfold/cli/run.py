@@ -207,7 +207,7 @@ def simulate(
     ready = time.perf_counter()
     task = Disturbance(grid, happenings, runs.t_end, method, criterion)
     work = Work(1, round(runs.t_end / method.stepper.step))
-    simulator = choice.build(grid, source.case, work)
+    simulator = choice.build(grid, source.case, work, method.stepper)
     result = task.solve(simulator, compare or budget, budget)
     run = result.run
     results.write(result)

@@ -6,6 +6,7 @@ together, at a constant rate. That is an equilibrium too, in a frame that turns 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
 from gridfold.errors import InitializationError
 
 _MAX_ITERATIONS = 30
+#: The Jacobian is taken anew where a step leaves more than this part of the residual.
+_SLOW = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Equilibrium:
 def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equilibrium:
     """Equilibrium of `model` in its network state, by Newton's method from `guess`.
 
+    The Jacobian of one step serves the next ones as long as they converge quickly.
+
     The inertia-weighted mean of the rotor angles stays that of the guess, and their rate is free. An
     infinite bus holds both: the rate is then zero.
 
@@ -57,49 +62,57 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     else:
         condition[angles] = model.inertia(units) / model.inertia(units).sum()
     x, rate = guess.copy(), 0.0
-    idle = _idle_states(model)
+    jacobian = _Bordered(model, moving, condition)
+    before, solve = np.inf, jacobian.at(x)
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
-        if np.abs(residual).max() < RESIDUAL_GOOD:
+        size = np.abs(residual).max()
+        if size < RESIDUAL_GOOD:
             return Equilibrium(x, rate)
-        excess = condition @ np.append(x - guess, rate)
         try:
-            step = _bordered_solve(model, x, idle, moving, condition, np.append(residual, excess))
+            if not size <= _SLOW * before and np.isfinite(before):
+                solve = jacobian.at(x)
+            step = solve(np.append(residual, condition @ np.append(x - guess, rate)))
         except RuntimeError:
             break
-        x, rate = x - step[:-1], float(rate - step[-1])
+        x, rate, before = x - step[:-1], float(rate - step[-1]), size
         if not np.isfinite(x).all():
             break
     raise InitializationError("no equilibrium was found for the network after the disturbance")
 
 
-def _bordered_solve(
-    model: DetailedModel,
-    x: NDArray[np.float64],
-    idle: NDArray[np.float64],
-    moving: NDArray[np.float64],
-    condition: NDArray[np.float64],
-    rhs: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Solve with the Jacobian bordered by the rate's column and the condition's row, (n_states + 1,).
+@dataclass(frozen=True)
+class _Bordered:
+    """The Jacobian with the rate's column and the condition's row, (n_states + 1,) each.
 
     The node voltages are unknowns too, so that all is sparse.
     """
-    grid, n = grid_descriptor(model, x), model.n_states
-    border = csc_array(-moving[:, None])
-    row = csc_array(condition[None, :n])
-    matrix = block_array(
-        [
-            [grid.a11 + diags_array(idle), grid.a12, border],
-            [grid.a21, grid.a22, None],
-            [row, None, csc_array([[condition[n]]])],
-        ],
-        format="csc",
-    )
-    full = np.zeros(matrix.shape[0])
-    full[:n], full[-1] = rhs[:n], rhs[n]
-    solution = splu(matrix).solve(full)
-    return np.asarray(np.append(solution[:n], solution[-1]))
+
+    model: DetailedModel
+    moving: NDArray[np.float64]
+    condition: NDArray[np.float64]
+
+    def at(self, x: NDArray[np.float64]) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """What solves with it at the state `x`, for right-hand sides of shape (n_states + 1,)."""
+        grid, n = grid_descriptor(self.model, x), self.model.n_states
+        row, corner = self.condition[None, :n], self.condition[n:, None]
+        matrix = block_array(
+            [
+                [grid.a11 + diags_array(_idle_states(self.model)), grid.a12, -self.moving[:, None]],
+                [grid.a21, grid.a22, None],
+                [csc_array(row), None, csc_array(corner)],
+            ],
+            format="csc",
+        )
+        factors = splu(matrix)
+
+        def solve(rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+            full = np.zeros(matrix.shape[0])
+            full[:n], full[-1] = rhs[:n], rhs[n]
+            solution = factors.solve(full)
+            return np.asarray(np.append(solution[:n], solution[-1]))
+
+        return solve
 
 
 def _idle_states(model: DetailedModel) -> NDArray[np.float64]:

@@ -18,8 +18,8 @@ from gridfold.systems.statemap import StateMap
 
 
 @dataclass(frozen=True)
-class PortModel:
-    """A system v = (exact states, z).
+class PortCoordinates:
+    """The way between the states of the whole model and v = (exact states, z).
 
     Parameters
     ----------
@@ -27,17 +27,11 @@ class PortModel:
         Positions of the exact states and of the area's in the whole model's state vector.
     states : StateMap
         x = x0 + T~ z of the area's states.
-    compiled : CompiledRhs
-        The right-hand side.
-    state_names : tuple of str
-        Names of v.
     """
 
     exact_index: NDArray[np.int64]
     area_index: NDArray[np.int64]
     states: StateMap
-    compiled: CompiledRhs = field(repr=False)
-    state_names: tuple[str, ...] = field(repr=False)
 
     def lift(self, v: NDArray[np.float64]) -> NDArray[np.float64]:
         """States of the whole model, (..., n_states), from v, (..., n)."""
@@ -63,6 +57,33 @@ class PortModel:
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state v nearest to the whole model's state x: z = T (x - x0)."""
         return np.concatenate([x[self.exact_index], self.states.restrict(x[self.area_index])])
+
+
+@dataclass(frozen=True)
+class PortModel(PortCoordinates):
+    """A system v = (exact states, z).
+
+    Parameters
+    ----------
+    compiled : CompiledRhs
+        The right-hand side.
+    state_names : tuple of str
+        Names of v.
+    """
+
+    compiled: CompiledRhs = field(repr=False)
+    state_names: tuple[str, ...] = field(repr=False)
+
+
+def port_coordinates(
+    model: DetailedModel,
+    units: Collection[UnitKey],
+    area_index: NDArray[np.int64],
+    states: StateMap,
+) -> PortCoordinates:
+    """The coordinates of :func:`build_port_model`, without the model."""
+    _, index = _exact_groups(model, set(units), set(area_index.tolist()))
+    return PortCoordinates(index, area_index, states)
 
 
 def build_port_model(

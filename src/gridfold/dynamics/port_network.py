@@ -25,7 +25,6 @@ from gridfold.dynamics.network import (
     CompiledNetwork,
     NetworkEquations,
     NonlinearLoads,
-    build_equations,
     compile_with_loads,
 )
 from gridfold.dynamics.network.backend import NETWORK_SIGNATURE
@@ -70,7 +69,8 @@ def port_network(
     origin : ndarray, shape (n_states,)
         The operating point.
     """
-    equations = build_equations(model.power_flow, model.injections, terminals, model.state)
+    index = model.case.bus_index
+    equations = model.equations.seen_from([index[bus] for bus in terminals])
     loads = model.injections.nonlinear
     far = [] if loads is None else [k for k, bus in enumerate(loads.buses) if bus not in study]
     if loads is None or not far:
@@ -79,7 +79,6 @@ def port_network(
         )
         return PortNetwork(compiled, turns=False)
     voltages = model.bus_voltages(origin[None, :])[0]
-    index = model.case.bus_index
     at_loads = voltages[[index[bus] for bus in loads.buses]]
     slopes = loads.slopes(at_loads)
     rows = _live_rows(equations, [index[bus] for bus in loads.buses])

@@ -180,6 +180,7 @@ class AdaptivePlan:
     at_limit: bool = False
     limits: list[LinearLimits | None] = field(default_factory=list)
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
+    moved: dict[str, float] = field(default_factory=dict)
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
         """The segment from `time` and the state `x` on."""
@@ -210,8 +211,8 @@ class AdaptivePlan:
         further = self._limit_watch(limits)
         return watched_segment(model, small, end, label, switches, self.criterion, further)
 
-    def limit_notices(self, pieces: Sequence[Piece]) -> list[Notice]:
-        """Limits that act at operating points, and those that small models passed."""
+    def notices(self, pieces: Sequence[Piece]) -> list[Notice]:
+        """New operating points, limits that act at them, and those that small models passed."""
         every = not self.rule.limits
         phases = [
             limits.passed(piece, every)
@@ -224,7 +225,11 @@ class AdaptivePlan:
             if limits is not None
         ]
         at_origin = [origin_notice(time, names) for names, time in self.told.items() if names]
-        return [*at_origin, *passed_notices(phases), *let_go_notices(gone)]
+        moved = [
+            Notice(time, f"models about the new operating point: {how}")
+            for how, time in self.moved.items()
+        ]
+        return [*moved, *at_origin, *passed_notices(phases), *let_go_notices(gone)]
 
     def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
         """Limits for which the detailed model has to take over, or stay."""
@@ -269,6 +274,8 @@ class AdaptivePlan:
         )
         if choice.mode is not Mode.DETAILED:
             self.told.setdefault(family.held_at_limits(choice.mode), time)
+            if family is not self.small.family:
+                self.moved.setdefault(family.how, time)
         return choice
 
     def _first_only(self, bands: Sequence[Band]) -> bool:
@@ -377,7 +384,7 @@ def simulate_adaptive(
     plan = AdaptivePlan(stages, small, rule, criterion)
     ready = clock.perf_counter()
     run = run_plan(plan, model.x0, stepper)
-    limit_notices = plan.limit_notices(run.pieces)
+    notices = plan.notices(run.pieces)
     done = clock.perf_counter()
     reduction = small.seconds - spent
     reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
@@ -386,7 +393,7 @@ def simulate_adaptive(
         run=run,
         models=tuple(plan.models),
         events=tuple(events),
-        notices=in_order(*stage_notices(reached, stages.models), *limit_notices),
+        notices=in_order(*stage_notices(reached, stages.models), *notices),
         stepper=stepper,
         criterion=criterion,
         t_end=t_end,

@@ -15,6 +15,7 @@ from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder, step_seconds
 from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
+from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
 
 #: A reduced model is used where it is predicted to take less than this part of the detailed one.
@@ -46,7 +47,11 @@ class Chosen:
 
 
 def choose_model(
-    settings: ModelSettings, model: DetailedModel, parts: Partition | None, work: Work
+    settings: ModelSettings,
+    model: DetailedModel,
+    parts: Partition | None,
+    work: Work,
+    stepper: Stepper,
 ) -> Chosen:
     """The detailed model, or the ladder where that is predicted to be cheaper.
 
@@ -60,11 +65,13 @@ def choose_model(
         Study and external area; None where no study area is known.
     work : Work
         What is to be simulated.
+    stepper : Stepper
+        Integration rule of the runs.
     """
     detailed = ModelKind.DETAILED
     if parts is None:
         return Chosen(detailed, "no study area is given")
-    step = step_seconds(model, model.x0)
+    step = step_seconds(model, model.x0, stepper)
     total = work.runs * work.steps * step
     states = len(parts.states_of(parts.external_units))
     expected = SECONDS_PER_STATE * states
@@ -76,7 +83,7 @@ def choose_model(
         return Chosen(detailed, f"{runs}; {why}")
     began = clock.perf_counter()
     try:
-        family = replace(settings, kind=ModelKind.ADAPTIVE).build(parts)
+        family = replace(settings, kind=ModelKind.ADAPTIVE).build(parts, stepper)
     except OptionError as error:
         return Chosen(detailed, f"the external area cannot be reduced: {error}")
     spent = clock.perf_counter() - began

@@ -11,6 +11,7 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.adaptive import SwitchingRule
 from gridfold.equivalents.families import (
     COLUMN_NORM,
+    Mode,
     ReducedExternal,
     WholeSystem,
     reduce_external,
@@ -18,6 +19,7 @@ from gridfold.equivalents.families import (
 )
 from gridfold.equivalents.folded import PORT_TOLERANCE, FoldedArea, fold
 from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.limit_scan import limited_units
 from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
     LONGEST_ABOVE,
@@ -35,6 +37,7 @@ from gridfold.equivalents.swings import Swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.number_ranges import as_ranges
+from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple
 from gridfold.reduction import Reducer
 
@@ -147,15 +150,23 @@ class ModelSettings:
             whole_deg=whole,
         )
 
-    def build(self, parts: Partition) -> Family:
-        """The models between which the rule switches."""
+    def build(self, parts: Partition, stepper: Stepper | None = None) -> Family:
+        """The models between which the rule switches, for runs with `stepper`.
+
+        Machines whose limits act along the sample swings are retained besides.
+        """
         if not self.ported:
             return self._printed(parts)
         reducer = self.reduction.build(ported=True)
         weights = self.reduction.weights or Weights.INTERFACE
-        swings = sample_swings(parts)
-        retained = () if self.kind is ModelKind.LINEAR else self.retain.choose(parts, swings)
-        return self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
+        swings = sample_swings(parts, stepper=stepper)
+        retained: set[UnitKey] = set()
+        if self.kind is not ModelKind.LINEAR:
+            retained = {item.unit for item in limited_units(parts, swings)}
+            retained |= set(self.retain.choose(parts, swings))
+        kept = tuple(unit for unit in parts.external_units if unit in retained)
+        ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), kept)
+        return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
 
     def of_areas(
         self,
@@ -167,9 +178,8 @@ class ModelSettings:
         if self.kind in (ModelKind.LINEAR, ModelKind.RETAINED):
             return Ladder((near,))
         if self.kind is ModelKind.WHOLE:
-            return Ladder((near,), whole=True).measured()
-        far = folded(()) if retained else near
-        return Ladder((near, far), whole=True).measured()
+            return Ladder((near,), whole=True)
+        return Ladder((near, folded(()) if retained else near), whole=True)
 
     def adopt(self, family: Family) -> Family:
         """The same from a family that was made before, as one from a file.
@@ -190,8 +200,11 @@ class ModelSettings:
         if self.kind is ModelKind.LINEAR and () not in found:
             raise OptionError("the file has no area in which all external machines are linear")
         ladder = self.of_areas(found.__getitem__, retained)
-        known = family.step_seconds
-        return replace(ladder, step_seconds=known) if known and ladder.step_seconds else ladder
+        rungs = {Mode.DETAILED, *ladder.rungs}
+        if self.kind in ANGLES_DEG and rungs <= family.step_seconds.keys():
+            known = {mode: spent for mode, spent in family.step_seconds.items() if mode in rungs}
+            return replace(ladder, step_seconds=known)
+        return ladder
 
     def _printed(self, parts: Partition) -> ReducedExternal | WholeSystem:
         if self.retain.buses is not None or self.retain.count is not None:

@@ -98,6 +98,10 @@ class ModelFamily(Protocol):
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
 
+    @property
+    def how(self) -> str:
+        """How it came about, for the log."""
+
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of linear units that act at the operating point: what they hold is frozen."""
 
@@ -160,6 +164,11 @@ class ReducedExternal:
     def modes(self) -> tuple[Mode, ...]:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
+
+    @property
+    def how(self) -> str:
+        """Every operating point has a linearization and a reduction of its own."""
+        return "linearized and reduced anew"
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """The same limits in both models."""
@@ -308,6 +317,11 @@ class WholeSystem:
     def modes(self) -> tuple[Mode, ...]:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
+
+    @property
+    def how(self) -> str:
+        """Every operating point has a linearization and a reduction of its own."""
+        return "linearized and reduced anew"
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """The same limits in both models."""

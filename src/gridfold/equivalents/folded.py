@@ -2,7 +2,8 @@
 
 The study area and the machines that are retained stay exact. All others are linear, balanced for what
 they cause at the ports, and truncated. What a projection needs is found once, for the intact network;
-about any other operating point the area is linearized anew and projected on the same bases.
+about any other operating point with the same machines the area is linearized anew and projected on the
+same bases.
 """
 
 from __future__ import annotations
@@ -16,7 +17,12 @@ from numpy.typing import NDArray
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.port_model import PortModel, build_port_model
+from gridfold.dynamics.port_model import (
+    PortCoordinates,
+    PortModel,
+    build_port_model,
+    port_coordinates,
+)
 from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
@@ -41,6 +47,9 @@ from gridfold.systems.statemap import StateMap
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
 #: at ports and kept machines in p.u., for port voltages that swing as in the samples.
 PORT_TOLERANCE = 1e-3
+#: Frequency in Hz at which it is looked how much bases miss of an area, and how many times as much as
+#: of the intact network's area, or as the bound, they may miss of another one.
+CHECKED_AT, MOST_MISSED = 0.7, 10.0
 #: States of an area up to which its matrix is formed to be reduced.
 DENSE_UP_TO = 500
 
@@ -55,6 +64,10 @@ class Bases:
         T~ and T.
     weights : ndarray, shape (2 n_ports, 2 n_ports)
         How changes of the port currents count, :func:`interface_weights`.
+    input_weights : ndarray, shape (2 n_ports, 2 n_ports)
+        How changes of the port voltages count, :func:`port_swings`.
+    miss : float
+        Error of the transfer matrix of the intact network's area on them, :func:`_miss`.
     hankel_values : ndarray or None
         Hankel singular values from changes of the port voltages to what is caused, in p.u.
     bound : float or None
@@ -64,6 +77,8 @@ class Bases:
     lift: NDArray[np.float64] = field(repr=False)
     restrict: NDArray[np.float64] = field(repr=False)
     weights: NDArray[np.float64] = field(repr=False)
+    input_weights: NDArray[np.float64] = field(repr=False)
+    miss: float
     hankel_values: NDArray[np.float64] | None = field(repr=False)
     bound: float | None
 
@@ -107,6 +122,8 @@ class FoldedArea:
         Limits of linear units that act there.
     governed : tuple of UnitKey
         Linear units whose prime movers are exact, because any swing takes them to a limit.
+    how : str
+        How it came about, for the log.
     """
 
     parts: Partition
@@ -122,6 +139,7 @@ class FoldedArea:
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
     governed: tuple[UnitKey, ...] = ()
+    how: str = "reduced at the equilibrium of the intact network"
 
     @property
     def mode(self) -> Mode:
@@ -157,29 +175,46 @@ class FoldedArea:
 
     def whole(self, model: DetailedModel) -> SmallModel:
         """The same with the study area and the retained machines linear as well, in closed form."""
-        ported = self._ported(model)
-        n_exact, r = len(ported.exact_index), self.states.order
+        places = self._places(model)
+        n_exact, r = len(places.exact_index), self.states.order
         lift = np.zeros((model.n_states, n_exact + r))
-        lift[ported.exact_index, np.arange(n_exact)] = 1.0
-        lift[ported.area_index, n_exact:] = self.states.lift_matrix
+        lift[places.exact_index, np.arange(n_exact)] = 1.0
+        lift[places.area_index, n_exact:] = self.states.lift_matrix
         smooth = touched_held(model, self.origin, model.layout.source_units)
         moved = grid_descriptor(smooth, self.origin).apply(lift)
         drift = model.compiled(self.origin)
-        a = np.vstack([moved[ported.exact_index], self._restricted(moved[ported.area_index])])
-        offset = np.r_[drift[ported.exact_index], self._restricted(drift[ported.area_index])]
-        form, point = modal_form(a), ported.restrict(self.origin)
+        a = np.vstack([moved[places.exact_index], self._restricted(moved[places.area_index])])
+        offset = np.r_[drift[places.exact_index], self._restricted(drift[places.area_index])]
+        form, point = modal_form(a), places.restrict(self.origin)
         system: System
         if form is None:
             system, states = DenseSystem(a, offset), StateMap.identity(point)
         else:
             system = ModalSystem(form, form.inverse @ offset)
             states = StateMap(point, form.basis, form.inverse)
-        return SmallModel(system, WholeCoordinates(ported, states), 0, model.layout.source_units)
+        return SmallModel(system, WholeCoordinates(places, states), 0, model.layout.source_units)
 
-    def moved(self, model: DetailedModel, point: Equilibrium) -> FoldedArea:
-        """Linearized anew about `point`, the equilibrium of `model`, on the bases that are there."""
-        area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed)
-        return _projected(self, area, model, point)
+    def moved(
+        self, model: DetailedModel, point: Equilibrium, grid: DescriptorSystem | None = None
+    ) -> FoldedArea:
+        """Linearized anew about `point`, the equilibrium of `model`, where `grid` may be known.
+
+        It is projected on the bases that are there, unless they miss too much of it, or linear
+        machines are out, whose part in the common turn the bases know: then it is reduced anew.
+        """
+        area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
+        miss, usual = _miss(self.bases, area), self.bases.miss
+        told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
+        out = model.state.units_out.intersection(self.ports.units)
+        if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
+            known = replace(self, how=f"linearized anew; {told}")
+        else:
+            bases = _bases(self.reducer, area, model, self.bases.weights, self.bases.input_weights)
+            known = replace(self, bases=bases, how=f"reduced anew: {told}")
+        return _projected(known, area, model, point)
+
+    def _places(self, model: DetailedModel) -> PortCoordinates:
+        return port_coordinates(model, self.ports.units, self.area.state_index, self.states)
 
     def _ported(self, model: DetailedModel) -> PortModel:
         ports, index = self.ports, self.area.state_index
@@ -194,22 +229,22 @@ class FoldedArea:
 
 @dataclass(frozen=True)
 class WholeCoordinates:
-    """Coordinates of a model that is linear throughout: v = v0 + V w over those of `ported`."""
+    """Coordinates of a model that is linear throughout: v = v0 + V w over those of `places`."""
 
-    ported: PortModel
+    places: PortCoordinates
     states: StateMap
 
     def lift(self, w: NDArray[np.float64]) -> NDArray[np.float64]:
         """States of the whole model, (..., n_states), from w, (..., r)."""
-        return self.ported.lift(self.states.lift(w))
+        return self.places.lift(self.states.lift(w))
 
     def lift_rows(self, w: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
         """The states at the positions `index` alone, (..., len(index))."""
-        return self.ported.lift_rows(self.states.lift(w), index)
+        return self.places.lift_rows(self.states.lift(w), index)
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state w nearest to the whole model's state x."""
-        return self.states.restrict(self.ported.restrict(x))
+        return self.states.restrict(self.places.restrict(x))
 
 
 def fold(
@@ -253,12 +288,10 @@ def fold(
     at_ports = interface_weights(parts.model, ports)
     governed = limited_by_any_swing(parts.model, point.x, ports.units)
     area = _linearized(ports, parts.model, point.x, at_ports, governed)
-    if weights is Weights.STATES:
-        driven = area.driven.with_outputs(np.eye(area.system.n))
-    else:
-        samples = sample_swings(parts) if swings is None else swings
-        driven = area.driven.with_input_weights(port_swings(area, parts, samples))
-    bases = _bases(chosen, driven, area, parts.model, at_ports)
+    by_ports = np.zeros((0, 0))
+    if weights is Weights.INTERFACE:
+        by_ports = port_swings(area, parts, sample_swings(parts) if swings is None else swings)
+    bases = _bases(chosen, area, parts.model, at_ports, by_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -278,17 +311,35 @@ def on_bases(
 
 def _bases(
     reducer: Reducer,
-    system: DescriptorSystem,
     area: PortArea,
     model: DetailedModel,
     weights: NDArray[np.float64],
+    input_weights: NDArray[np.float64],
 ) -> Bases:
-    """Bases by which `reducer` truncates `system`; the common turn of all angles stays exact."""
+    """Bases by which `reducer` truncates the area; the common turn of all angles stays exact.
+
+    Without input weights, (0, 0), all states count alike.
+    """
     reference = area.x0
+    if input_weights.size:
+        system = area.driven.with_input_weights(input_weights)
+    else:
+        system = area.driven.with_outputs(np.eye(area.system.n))
     if not isinstance(reducer, BalancedTruncation):
         found = reducer.reduce(system.dense(), reference)
         maps, values = found.state_map, found.hankel_values
-        return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, found.bound)
+        return _checked(
+            Bases(
+                maps.lift_matrix,
+                maps.restrict_matrix,
+                weights,
+                input_weights,
+                0.0,
+                values,
+                found.bound,
+            ),
+            area,
+        )
     small = system.n <= DENSE_UP_TO
     found = reducer.reduce(
         system.dense() if small else system, reference, _exact(reducer, area, model)
@@ -297,7 +348,28 @@ def _bases(
     assert values is not None
     rule = OrderRule(reducer.tolerance, reducer.order)
     bound = 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
-    return Bases(maps.lift_matrix, maps.restrict_matrix, weights, values, bound)
+    return _checked(
+        Bases(maps.lift_matrix, maps.restrict_matrix, weights, input_weights, 0.0, values, bound),
+        area,
+    )
+
+
+def _checked(bases: Bases, area: PortArea) -> Bases:
+    return replace(bases, miss=_miss(bases, area))
+
+
+def _miss(bases: Bases, area: PortArea) -> float:
+    """Error of the transfer matrix of the projected area at a frequency of electromechanical swings.
+
+    Largest change of the voltages at ports and kept machines, in p.u., for port voltages that swing as
+    in the samples; without input weights for changes of 1 rad or by the factor e.
+    """
+    system, s = area.driven, CHECKED_AT * 2j * np.pi
+    if bases.input_weights.size:
+        system = system.with_input_weights(bases.input_weights)
+    a = bases.restrict @ system.apply(bases.lift)
+    small = np.linalg.solve(s * np.eye(bases.order) - a, bases.restrict @ system.b)
+    return float(np.linalg.norm(system.transfer_once(s) - system.c @ (bases.lift @ small), 2))
 
 
 def _exact(
@@ -318,11 +390,16 @@ def _linearized(
     x: NDArray[np.float64],
     weights: NDArray[np.float64],
     governed: tuple[UnitKey, ...],
+    grid: DescriptorSystem | None = None,
 ) -> PortArea:
-    """The area behind the ports about `x`, without the prime movers of the `governed` machines."""
+    """The area behind the ports about `x`, without the prime movers of the `governed` machines.
+
+    `grid` is the whole linearized there, if that is known.
+    """
     smooth = touched_held(model, x, ports.units)
     movers = prime_movers(smooth, x, governed) if governed else None
-    return linearize_ports(ports, smooth, x, weights, movers)
+    known = grid if smooth is model else None
+    return linearize_ports(ports, smooth, x, weights, movers, known)
 
 
 def _at_limits(

@@ -13,12 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.steppers import RungeKutta4
+from gridfold.numerics.steppers import RungeKutta4, Stepper
 from gridfold.partition import Partition
 from gridfold.simulation.run import run_segments
 from gridfold.simulation.segment import Segment
@@ -90,6 +91,11 @@ class Ladder:
         """State of the whole system at the operating point."""
         return self.areas[0].origin
 
+    @property
+    def how(self) -> str:
+        """How its areas came about."""
+        return "; ".join(dict.fromkeys(area.how for area in self.areas))
+
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of the units that are linear in `mode` that act at the operating point."""
         return self._area(mode).held_at_limits(mode)
@@ -100,15 +106,16 @@ class Ladder:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
         """About another operating point; what steps cost is known."""
-        return replace(self, areas=tuple(area.moved(model, point) for area in self.areas))
+        grid = grid_descriptor(model, point.x)
+        return replace(self, areas=tuple(area.moved(model, point, grid) for area in self.areas))
 
-    def measured(self) -> Ladder:
-        """The same with what a step of each rung takes on this machine."""
-        model = self.parts.model
-        spent = {Mode.DETAILED: step_seconds(model, model.x0)}
+    def measured(self, stepper: Stepper | None = None) -> Ladder:
+        """The same with what a step of each rung takes on this machine, by Runge-Kutta if not told."""
+        model, rule = self.parts.model, RungeKutta4() if stepper is None else stepper
+        spent = {Mode.DETAILED: step_seconds(model, model.x0, rule)}
         for rung in self.rungs:
             small = self.build(rung, model)
-            spent[rung] = step_seconds(small.system, small.coordinates.restrict(model.x0))
+            spent[rung] = step_seconds(small.system, small.coordinates.restrict(model.x0), rule)
         return replace(self, step_seconds=spent)
 
     def _area(self, mode: Mode) -> FoldedArea:
@@ -116,9 +123,9 @@ class Ladder:
         return next((area for area in self.areas if area.mode is mode), self.areas[-1])
 
 
-def step_seconds(system: System, start: NDArray[np.float64]) -> float:
+def step_seconds(system: System, start: NDArray[np.float64], stepper: Stepper) -> float:
     """Seconds that one step of a run with `system` takes, the fastest of some tries."""
-    stepper, spent = RungeKutta4(), []
+    spent = []
     for _ in range(_TIMES):
         began = clock.perf_counter()
         run_segments([Segment(system, _STEPS * stepper.step)], start, stepper)

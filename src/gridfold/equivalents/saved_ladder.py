@@ -15,11 +15,10 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Outputs
 from gridfold.grid.case import UnitKey
 from gridfold.partition import Partition, partition
-from gridfold.partition.port_area import area_states
 from gridfold.partition.ports import find_ports
 from gridfold.reduction import Reducer
 
-_PARTS = ("lift", "restrict", "weights", "hankel")
+_PARTS = ("lift", "restrict", "weights", "input_weights", "hankel")
 
 
 def ladder_header(family: Ladder) -> dict[str, Any]:
@@ -28,7 +27,11 @@ def ladder_header(family: Ladder) -> dict[str, Any]:
         "outputs": Outputs.POLAR.value,
         "whole": family.whole,
         "areas": [
-            {"retained": [list(unit) for unit in area.retained], "bound": area.bases.bound}
+            {
+                "retained": [list(unit) for unit in area.retained],
+                "bound": area.bases.bound,
+                "miss": area.bases.miss,
+            }
             for area in family.areas
         ],
         "step_seconds": {mode.value: value for mode, value in family.step_seconds.items()},
@@ -45,7 +48,11 @@ def ladder_arrays(family: Ladder) -> dict[str, NDArray[Any]]:
         bases = area.bases
         values = np.zeros(0) if bases.hankel_values is None else bases.hankel_values
         arrays |= dict(
-            zip(_names(k), (bases.lift, bases.restrict, bases.weights, values), strict=True)
+            zip(
+                _names(k),
+                (bases.lift, bases.restrict, bases.weights, bases.input_weights, values),
+                strict=True,
+            )
         )
     return arrays
 
@@ -89,17 +96,21 @@ def _area(
         raise ValueError(f"{min(strange)} is retained and not in the external area")
     linear = [unit for unit in parts.external_units if unit not in set(retained)]
     ports = find_ports(parts.model, linear, parts.study_buses)
-    lift, restrict, weights, hankel = arrays
-    n, r, p = len(area_states(parts.model, ports)), np.shape(lift)[-1], 2 * len(ports.buses)
-    shapes = ((n, r), (r, n), (p, p), (len(hankel),))
+    lift, restrict, weights, swings, hankel = arrays
+    (n, r), p = np.shape(lift), 2 * len(ports.buses)
+    shapes = ((n, r), (r, n), (p, p), (p, p) if swings.size else (0, 0), (len(hankel),))
     for name, array, shape in zip(_PARTS, arrays, shapes, strict=True):
         if array.shape != shape or array.dtype != np.float64:
             raise ValueError(f"{name} has shape {array.shape} of {array.dtype}, expected {shape}")
         if not np.isfinite(array).all():
             raise ValueError(f"{name} is not finite")
     bound = None if record["bound"] is None else float(record["bound"])
-    bases = Bases(lift, restrict, weights, hankel if len(hankel) else None, bound)
-    return on_bases(parts, retained, ports, reducer, bases)
+    values, miss = hankel if len(hankel) else None, float(record["miss"])
+    bases = Bases(lift, restrict, weights, swings, miss, values, bound)
+    area = on_bases(parts, retained, ports, reducer, bases)
+    if len(area.area.x0) != n:
+        raise ValueError(f"lift has {n} rows, expected {len(area.area.x0)}")
+    return area
 
 
 def _names(k: int) -> list[str]:

@@ -11,17 +11,19 @@ beside an admittance that belongs to the network. What happens in the rest chang
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, diags_array
 
 from gridfold.dynamics.descriptor import grid_descriptor, node_currents
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import real_form
 from gridfold.dynamics.prime_movers import PrimeMovers
 from gridfold.errors import OptionError
+from gridfold.grid.case import UnitKey
 from gridfold.partition.ports import Ports
 from gridfold.systems.descriptor import DescriptorSystem
 
@@ -40,7 +42,8 @@ class PortArea:
         Where it meets the rest.
     system : DescriptorSystem
         A and B of its machines, with angles, then logarithms of magnitudes of the port voltages as
-        inputs; its outputs are changes of the port currents, weighed.
+        inputs; its outputs are changes of the port currents, weighed. States of machines that are
+        out decay, seen by nothing.
     state_index : ndarray of int, shape (n,)
         Positions of its states in the state vector of the whole model.
     x0, drift : ndarrays, shape (n,)
@@ -51,7 +54,8 @@ class PortArea:
     log_slopes : ndarray, shape (2 n_ports, n)
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
-        What a common turn of all rotor angles by 1 rad does to the states.
+        What a common turn of all rotor angles by 1 rad does to the states; machines that are out
+        do not turn.
     turned : ndarray, shape (2 n_ports,)
         By how much more than 1 rad logarithm and angle of J change when the currents of all linear
         machines turn by 1 rad: 0 but for loads behind the ports that are no impedances.
@@ -123,6 +127,7 @@ def linearize_ports(
     x: Matrix,
     weights: Matrix,
     movers: PrimeMovers | None = None,
+    grid: DescriptorSystem | None = None,
 ) -> PortArea:
     """Linearize the area behind `ports` at the state `x` of the whole system.
 
@@ -138,47 +143,35 @@ def linearize_ports(
         How changes of the port currents count in the outputs.
     movers : PrimeMovers, optional
         Prime movers that are left out of it, at `x`.
+    grid : DescriptorSystem, optional
+        The whole linearized there, if that is known.
 
     Raises
     ------
     OptionError
         A port has no voltage, or no machine feeds it.
     """
-    grid, index, row = grid_descriptor(model, x), area_states(model, ports), _rows(model)
-    own = grid.a11
+    grid = grid_descriptor(model, x) if grid is None else grid
+    row, index = _rows(model), area_states(model, ports.units)
     if movers is not None:
         index = np.setdiff1d(index, movers.state_index)
-        own = own - _direct(movers, model.n_states)
-    inside = _both(model, [row[bus] for bus in sorted(ports.inside) if bus in row])
+        grid = replace(grid, a11=grid.a11 - _direct(movers, model.n_states))
+    idle = np.isin(index, area_states(model, model.state.units_out))
     at = _both(model, [_port_row(row, bus) for bus in ports.buses])
+    inside = _both(model, [row[bus] for bus in sorted(ports.inside) if bus in row])
     voltage = model.bus_voltages(x[None, :])[0][[model.case.bus_index[b] for b in ports.buses]]
-    polar = np.hstack([np.diag(1j * voltage), np.diag(voltage)])
-    driven = np.vstack([polar.real, polar.imag])
-    by_node, into_node, between = grid.a12[index], grid.a21[:, index], grid.a22
-    inner = DescriptorSystem(
-        a11=own[index][:, index],
-        a12=by_node[:, inside],
-        a21=into_node[inside],
-        a22=between[inside][:, inside],
-        b1=by_node[:, at] @ driven,
-        b2=between[inside][:, at] @ driven,
-        c=np.zeros((0, len(index))),
-        state_names=tuple(model.state_names[k] for k in index),
-        input_names=tuple(f"{u}:{bus}" for u in ("angle", "log_voltage") for bus in ports.buses),
-    )
-    passed_on = inner.algebraic_transposed(between[at][:, inside].toarray().T).T
+    inner = _inner_system(grid, ports, voltage, (index, at, inside), idle)
+    passed_on = inner.algebraic_transposed(grid.a22[at][:, inside].toarray().T).T
+    into_node = grid.a21[:, index]
     slopes = into_node[at].toarray() - passed_on @ into_node[inside]
     machines = [unit in set(ports.units) for unit in model.layout.source_units]
     source = node_currents(model, x)[:, machines].sum(axis=1)
-    current = _phasors(source[at] - passed_on @ source[inside])
     ahead = np.concatenate([-source[len(source) // 2 :], source[: len(source) // 2]])
+    current, quarter = (_phasors(s[at] - passed_on @ s[inside]) for s in (source, ahead))
     least = np.minimum(np.abs(current), np.abs(voltage))
     if not least.all():
-        dead = ports.buses[int(np.argmin(least))]
-        raise OptionError(f"bus {dead} is no port: it has no voltage, or no machine feeds it")
-    relative = _phasors(slopes) / current[:, None]
-    turned = _phasors(ahead[at] - passed_on @ ahead[inside]) / current - 1j
-    angles = [name.startswith("rotor_angle:") for name in inner.state_names]
+        raise _no_port(ports.buses[int(np.argmin(least))])
+    angles = np.array([name.startswith("rotor_angle:") for name in inner.state_names])
     return PortArea(
         ports,
         inner.with_outputs(weights @ slopes),
@@ -187,10 +180,38 @@ def linearize_ports(
         model.compiled(x)[index],
         voltage,
         current,
-        np.vstack([relative.real, relative.imag]),
-        np.array(angles, dtype=float)[:, None],
-        np.concatenate([turned.real, turned.imag]),
+        _parts(_phasors(slopes) / current[:, None]),
+        (angles & ~idle).astype(float)[:, None],
+        _parts(quarter / current - 1j),
         movers,
+    )
+
+
+def _inner_system(
+    grid: DescriptorSystem,
+    ports: Ports,
+    voltage: NDArray[np.complex128],
+    places: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
+    idle: NDArray[np.bool_],
+) -> DescriptorSystem:
+    """The area behind the ports with angles and logarithms of the port voltages as inputs.
+
+    `places` are its states, and the rows of the ports and of the nodes behind them; `idle` tells which
+    of its states belong to machines that are out.
+    """
+    index, at, inside = places
+    driven = _parts(np.hstack([np.diag(1j * voltage), np.diag(voltage)]))
+    by_node, between = grid.a12[index], grid.a22[inside]
+    return DescriptorSystem(
+        a11=grid.a11[index][:, index] - diags_array(idle.astype(float)),
+        a12=by_node[:, inside],
+        a21=grid.a21[inside][:, index],
+        a22=between[:, inside],
+        b1=by_node[:, at] @ driven,
+        b2=between[:, at] @ driven,
+        c=np.zeros((0, len(index))),
+        state_names=tuple(grid.state_names[k] for k in index),
+        input_names=tuple(f"{u}:{bus}" for u in ("angle", "log_voltage") for bus in ports.buses),
     )
 
 
@@ -201,9 +222,9 @@ def _direct(movers: PrimeMovers, n_states: int) -> csc_array:
     return csc_array(csc_array(movers.slopes) @ csc_array(at))
 
 
-def area_states(model: DetailedModel, ports: Ports) -> NDArray[np.int64]:
-    """Positions of the states of the linear machines in the state vector of the whole model."""
-    wanted = set(ports.units)
+def area_states(model: DetailedModel, units: Collection[UnitKey]) -> NDArray[np.int64]:
+    """Positions of the states of `units` in the state vector of the whole model."""
+    wanted = set(units)
     columns = [
         column
         for block in model.layout.blocks
@@ -222,8 +243,12 @@ def _rows(model: DetailedModel) -> dict[int, int]:
 
 def _port_row(row: dict[int, int], bus: int) -> int:
     if bus not in row:
-        raise OptionError(f"bus {bus} is no port: it has no voltage, or no machine feeds it")
+        raise _no_port(bus)
     return row[bus]
+
+
+def _no_port(bus: int) -> OptionError:
+    return OptionError(f"bus {bus} is no port: it has no voltage, or no machine feeds it")
 
 
 def _both(model: DetailedModel, rows: list[int]) -> NDArray[np.int64]:
@@ -236,3 +261,8 @@ def _phasors(parts: Matrix) -> NDArray[np.complex128]:
     """Complex rows (k, ...) from real rows above imaginary ones (2 k, ...)."""
     real, imag = np.split(np.asarray(parts), 2)
     return np.asarray(real + 1j * imag)
+
+
+def _parts(phasors: NDArray[np.complex128]) -> Matrix:
+    """Real rows above imaginary ones (2 k, ...) from complex rows (k, ...)."""
+    return np.concatenate([phasors.real, phasors.imag])

@@ -28,6 +28,7 @@ from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.grid.timeline import initial_state
+from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import basis_of
@@ -222,24 +223,25 @@ def _chosen(
     if earlier is not None:
         kind, reason = ModelKind(earlier["model"]), earlier.get("model_reason")
     settings = study.model.settings(kind)
+    stepper = choose_stepper(model, study.run.method, study.run.step).stepper
     if kind is ModelKind.AUTO:
         settings = study.model.settings(ModelKind.ADAPTIVE)
-        chosen = choose_model(settings, model, parts, _work(study, model, contingencies))
+        work = _work(study, stepper, contingencies)
+        chosen = choose_model(settings, model, parts, work, stepper)
         return replace(settings, kind=chosen.kind), chosen.reason, chosen.family
     if kind is ModelKind.DETAILED or parts is None:
         return settings, reason, None
     if study.model.calibrate:
         settings = _calibrated(study, settings, parts, contingencies, workers)
-    family = settings.build(parts)
+    family = settings.build(parts, stepper)
     if isinstance(family, Ladder) and earlier is not None:
         known = earlier.get("step_seconds", {})
         family = replace(family, step_seconds={Mode(name): s for name, s in known.items()})
     return settings, reason, family
 
 
-def _work(study: Study, model: DetailedModel, contingencies: tuple[Contingency, ...]) -> Work:
+def _work(study: Study, stepper: Stepper, contingencies: tuple[Contingency, ...]) -> Work:
     """What the study is going to simulate."""
-    stepper = choose_stepper(model, study.run.method, study.run.step).stepper
     new = sum(not all(_leaves_intact(e) for e in item.events) for item in contingencies)
     return Work(len(contingencies), round(study.run.t_end / stepper.step), new)
 

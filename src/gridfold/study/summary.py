@@ -62,14 +62,15 @@ class Figures:
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
         worst machine (`error_machine`), the same of angles against the centre of inertia, and the
         largest at any time.
-    detailed_s, hybrid_s, linear_s : float
+    detailed_s, retained_s, hybrid_s, linear_s, linear_whole_s : float
         Simulated seconds for which each model was in use.
     switches, steps : int
         Changes of model, time steps.
-    wall_detailed_s, wall_hybrid_s, wall_linear_s : float
+    wall_detailed_s, wall_retained_s, wall_hybrid_s, wall_linear_s, wall_linear_whole_s : float
         Seconds on the machine that integration took with each model.
-    wall_reduction_s, wall_check_s, wall_s : float
-        Seconds on the machine: of building reduced models, of the check, of all.
+    wall_reduction_s, wall_run_s, wall_check_s, wall_s : float
+        Seconds on the machine: of building reduced models, of the run with them, of the same run on
+        the detailed model, of all.
     notices : str
         What else the reader should know, a JSON list of times (s) and texts.
     """
@@ -102,14 +103,19 @@ class Figures:
     error_largest_deg: float | None = None
     error_machine: str | None = None
     detailed_s: float | None = None
+    retained_s: float | None = None
     hybrid_s: float | None = None
     linear_s: float | None = None
+    linear_whole_s: float | None = None
     switches: int | None = None
     steps: int | None = None
     wall_detailed_s: float | None = None
+    wall_retained_s: float | None = None
     wall_hybrid_s: float | None = None
     wall_linear_s: float | None = None
+    wall_linear_whole_s: float | None = None
     wall_reduction_s: float | None = None
+    wall_run_s: float | None = None
     wall_check_s: float | None = None
     wall_s: float | None = None
     notices: str | None = None
@@ -160,8 +166,9 @@ def time_per_model(run: Trajectory, modes: Sequence[Mode] = ()) -> dict[str, flo
     for piece, mode in zip(run.run.pieces, modes or repeat(Mode.DETAILED), strict=False):
         simulated[mode] += float(piece.times[-1] - piece.times[0])
         wall[mode] += piece.seconds
-    return {f"{mode.value}_s": seconds for mode, seconds in simulated.items()} | {
-        f"{WALL}{mode.value}_s": seconds for mode, seconds in wall.items()
+    names = {mode: f"{mode.value.replace(' ', '_')}_s" for mode in Mode}
+    return {names[mode]: seconds for mode, seconds in simulated.items()} | {
+        WALL + names[mode]: seconds for mode, seconds in wall.items()
     }
 
 

@@ -149,6 +149,14 @@ class DescriptorSystem:
             raise OptionError(f"{s} is an eigenvalue of the system") from None
         return Resolvent(factors, self.n, order)
 
+    def transfer_once(self, s: complex) -> NDArray[np.complex128]:
+        """C (s I - A)^-1 B at one frequency, (p, m), where no other will be asked for."""
+        matrix = block_array([[self.a11, self.a12], [self.a21, self.a22]], format="csc")
+        unit = diags_array((np.arange(matrix.shape[0]) < self.n).astype(float), format="csc")
+        factors = splu(matrix - s * unit, permc_spec="MMD_AT_PLUS_A", **_FACTORS)
+        solution = factors.solve(np.vstack([-self.b1, -self.b2]).astype(np.complex128))
+        return np.asarray(self.c @ solution[: self.n])
+
     @cached_property
     def _ordered(self) -> tuple[csc_array, csc_array, NDArray[np.int64]]:
         """The bordered A and what stands for I, rows and columns in an order of little fill-in.

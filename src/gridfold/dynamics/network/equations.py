@@ -7,8 +7,8 @@ machine is de-energized: its voltages are zero and its load is lost.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,6 +87,14 @@ class NetworkEquations:
             )
         except RuntimeError as error:
             raise NetworkError(f"the admittance matrix cannot be factored: {error}") from None
+
+    def seen_from(self, positions: Sequence[int]) -> NetworkEquations:
+        """The same network, and its factors, with terminals at the `positions` of buses in the case."""
+        row = {int(bus): k for k, bus in enumerate(self.live)}
+        rows = np.array([row.get(position, -1) for position in positions], dtype=np.int64)
+        seen = replace(self, terminals=rows)
+        vars(seen)["factors"] = self.factors
+        return seen
 
     @cached_property
     def voltage_map(self) -> NDArray[np.complex128]:
