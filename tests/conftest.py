@@ -21,6 +21,7 @@ from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.swings import Swings, sample_swings
+from gridfold.numerics.steppers import Stepper
 
 #: Buses of the external machines that the paper keeps nonlinear.
 NEAR_BOUNDARY = (42, 50, 51, 78, 134)
@@ -67,7 +68,7 @@ def npcc_retained(npcc_parts: gf.Partition, npcc_swings: Swings) -> FoldedArea:
 def falling_costs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every rung of a ladder is cheaper than the one above, so that runs do not hang on a clock."""
 
-    def measured(ladder: Ladder) -> Ladder:
+    def measured(ladder: Ladder, stepper: Stepper | None = None) -> Ladder:
         return replace(ladder, step_seconds={m: FALLING[m] for m in (Mode.DETAILED, *ladder.rungs)})
 
     monkeypatch.setattr(Ladder, "measured", measured)

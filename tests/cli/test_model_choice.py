@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import FALLING, one_machine_infinite_bus
 
 import gridfold as gf
 from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
-from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ModelKind, Weights
 from gridfold.equivalents.ranking import rank_retained
 
@@ -33,7 +30,7 @@ def plain(text):
 @pytest.fixture
 def long_steps(monkeypatch, falling_costs):
     """A step of the detailed model is said to take a second, so that a reduction pays."""
-    monkeypatch.setattr("gridfold.equivalents.auto.step_seconds", lambda system, start: 1.0)
+    monkeypatch.setattr("gridfold.equivalents.auto.step_seconds", lambda *_: 1.0)
 
 
 def test_one_run_is_made_on_the_detailed_model_and_that_is_said(command):

@@ -596,7 +596,10 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
         ),
         (("partition", "npcc", "--order", 60), "No such option"),
         ((*REDUCED, "detailed", "--budget"), "--budget needs a model with a reduced external area"),
-        ((*REDUCED, "paper-whole", "--budget"), "--budget needs a model with a reduced external area"),
+        (
+            (*REDUCED, "paper-whole", "--budget"),
+            "--budget needs a model with a reduced external area",
+        ),
         (
             ("cct", "npcc", "--buses", 3, "--model", "detailed", "--coupling", "lagged"),
             "--coupling has no effect on the detailed",

@@ -23,28 +23,32 @@ def parts():
     return gf.partition(gf.build_model(row_of_areas()), range(11, 16))
 
 
+def choose(settings, model, parts, work):
+    return choose_model(settings, model, parts, work, gf.RungeKutta4())
+
+
 @pytest.fixture
 def costs(monkeypatch):
     """Steps of the detailed model take a second, those of the rungs what `PARTS` says."""
-    monkeypatch.setattr(auto, "step_seconds", lambda system, start: 1.0)
+    monkeypatch.setattr(auto, "step_seconds", lambda *_: 1.0)
 
-    def measured(ladder):
+    def measured(ladder, stepper):
         return replace(ladder, step_seconds={m: PARTS[m] for m in (Mode.DETAILED, *ladder.rungs)})
 
     monkeypatch.setattr(Ladder, "measured", measured)
 
 
 def test_without_a_study_area_the_model_is_detailed(parts):
-    found = choose_model(SETTINGS, parts.model, None, Work(1000, 1600))
+    found = choose(SETTINGS, parts.model, None, Work(1000, 1600))
     assert (found.kind, found.family) == (ModelKind.DETAILED, None)
     assert found.reason == "no study area is given"
 
 
 def test_a_reduction_that_cannot_pay_is_not_begun(parts, monkeypatch):
-    monkeypatch.setattr(auto, "step_seconds", lambda system, start: 1e-5)
+    monkeypatch.setattr(auto, "step_seconds", lambda *_: 1e-5)
     monkeypatch.setattr(ModelSettings, "build", None)
     states = len(parts.states_of(parts.external_units))
-    found = choose_model(SETTINGS, parts.model, parts, Work(1, 1600))
+    found = choose(SETTINGS, parts.model, parts, Work(1, 1600))
     assert (found.kind, found.family) == (ModelKind.DETAILED, None)
     seconds = f"{auto.SECONDS_PER_STATE * states:.2g}"
     assert found.reason == (
@@ -55,7 +59,7 @@ def test_a_reduction_that_cannot_pay_is_not_begun(parts, monkeypatch):
 
 def test_the_ladder_is_chosen_where_it_is_predicted_to_pay(parts, costs):
     settings = replace(SETTINGS, retain=RetainSettings(count=1))
-    found = choose_model(settings, parts.model, parts, Work(10, 100))
+    found = choose(settings, parts.model, parts, Work(10, 100))
     assert found.kind is ModelKind.ADAPTIVE
     assert found.family.modes == (Mode.RETAINED, Mode.LINEAR, Mode.WHOLE)
     assert found.reason == (
@@ -69,7 +73,7 @@ def test_two_detailed_runs_for_each_new_topology_count(parts, costs, topologies,
     # Of 10 runs the ladder takes 3.3, and 2 for each topology; 8 are what it may take.
     settings = replace(SETTINGS, retain=RetainSettings(count=1))
     work = Work(10, 100, topologies=2 * topologies)
-    found = choose_model(settings, parts.model, parts, work)
+    found = choose(settings, parts.model, parts, work)
     expected = 10 * 100 * 1 / 3 + 2 * 2 * topologies * 100
     assert f"predicted to take {expected:.2g} s" in found.reason
     assert found.kind.value == kind
@@ -80,7 +84,7 @@ def test_rungs_that_do_not_pay_count_as_those_that_stand_for_them(parts, costs, 
     monkeypatch.setitem(PARTS, Mode.RETAINED, 2.0)
     monkeypatch.setitem(PARTS, Mode.LINEAR, 2.0)
     settings = replace(SETTINGS, retain=RetainSettings(count=1))
-    found = choose_model(settings, parts.model, parts, Work(10, 100))
+    found = choose(settings, parts.model, parts, Work(10, 100))
     assert "predicted to take 7e+02 s, 0.70 of the detailed model" in found.reason
     assert found.family.modes == (Mode.DETAILED, Mode.DETAILED, Mode.WHOLE)
 
@@ -88,6 +92,6 @@ def test_rungs_that_do_not_pay_count_as_those_that_stand_for_them(parts, costs, 
 def test_an_area_that_cannot_be_reduced_leaves_the_model_detailed(parts, costs):
     every = tuple(sorted({unit.bus for unit in parts.external_units}))
     settings = replace(SETTINGS, retain=RetainSettings(buses=every))
-    found = choose_model(settings, parts.model, parts, Work(10, 100))
+    found = choose(settings, parts.model, parts, Work(10, 100))
     assert (found.kind, found.family) == (ModelKind.DETAILED, None)
     assert found.reason.startswith("the external area cannot be reduced: ")

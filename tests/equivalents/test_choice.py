@@ -115,6 +115,16 @@ def test_the_bound_of_a_reduction_is_that_of_its_form(settings, ported, expected
     assert settings.build(ported) == expected
 
 
+@pytest.mark.parametrize("kind", [*PRINTED, ModelKind.LINEAR])
+def test_weights_of_ports_are_refused_where_there_are_none(kind):
+    outputs = STATES if kind is ModelKind.LINEAR else None
+    reduction = ReductionSettings(weights=Weights.INTERFACE)
+    with pytest.raises(OptionError, match=f"'interface' have no effect on the {kind.value} model"):
+        ModelSettings(kind, reduction=reduction, outputs=outputs)
+    own = ReductionSettings(weights=Weights.STATES)
+    assert not ModelSettings(kind, reduction=own, outputs=outputs).ported
+
+
 def test_machines_are_retained_by_norm_by_buses_or_by_their_rank(parts, swings):
     coupling = couple(parts)
     norm = float(np.sort(coupling.norms)[-2])
@@ -214,7 +224,8 @@ def test_a_ladder_that_is_there_is_taken_as_far_as_the_model_goes(ladder, kind):
     assert len(found.areas) == len(expected)
     assert all(a is b for a, b in zip(found.areas, expected, strict=True))
     assert found.whole is (kind in (ModelKind.ADAPTIVE, ModelKind.WHOLE))
-    assert found.step_seconds == (costs if found.whole else {})
+    rungs = (Mode.DETAILED, *found.rungs) if found.whole else ()
+    assert found.step_seconds == {mode: costs[mode] for mode in rungs}
 
 
 def test_a_family_of_another_form_is_refused(parts, ladder):
@@ -243,7 +254,7 @@ def test_the_record_of_a_ladder_tells_its_rungs_and_what_a_step_takes(ladder):
     assert rungs == [("retained", True), ("linear", True), ("linear whole", True)]
     spent = [1e-6 * rung["step_us"] for rung in record["rungs"]]
     assert spent == pytest.approx([ladder.step_seconds[mode] for mode in ladder.rungs])
-    dear = {mode: 1.0 for mode in ladder.step_seconds} | {Mode.DETAILED: 0.5, Mode.WHOLE: 0.1}
+    dear = dict.fromkeys(ladder.step_seconds, 1.0) | {Mode.DETAILED: 0.5, Mode.WHOLE: 0.1}
     record = ModelSettings(ModelKind.ADAPTIVE).record(replace(ladder, step_seconds=dear))
     assert [rung["used"] for rung in record["rungs"]] == [False, False, True]
     alone = ModelSettings(ModelKind.RETAINED)

@@ -205,8 +205,8 @@ class NewBases:
     def moved(self, model, point):
         weights = self.bases.weights
         area = folded._linearized(self.ports, model, point.x, weights, self.governed)
-        driven = driven_by_swings(area, self.parts, self.swings)
-        bases = folded._bases(self.reducer, driven, area, model, weights)
+        by_ports = port_swings(area, self.parts, self.swings)
+        bases = folded._bases(self.reducer, area, model, weights, by_ports)
         moved = folded._projected(replace(self.family, bases=bases), area, model, point)
         return NewBases(moved, self.swings)
 

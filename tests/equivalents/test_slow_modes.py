@@ -40,8 +40,7 @@ def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, for
     slow = exact[exact.real > -DECAY]
     assert len(slow) == 3
     without, found = (
-        poles(form(parts, decay).build(Mode.LINEAR, npcc), npcc.x0)
-        for decay in (None, DECAY)
+        poles(form(parts, decay).build(Mode.LINEAR, npcc), npcc.x0) for decay in (None, DECAY)
     )
     apart, before = (np.abs(slow[:, None] - some).min(axis=1) for some in (found, without))
     assert apart.max() < 1e-8

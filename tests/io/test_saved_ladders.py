@@ -14,7 +14,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.saved import load_reduced, save_reduced
 
 SECONDS = {Mode.DETAILED: 4e-5, Mode.RETAINED: 1 / 3e5, Mode.LINEAR: 2e-5, Mode.WHOLE: 1e-6}
-ARRAYS = ("lift", "restrict", "weights", "hankel")
+ARRAYS = ("lift", "restrict", "weights", "input_weights", "hankel")
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,8 @@ def test_a_ladder_comes_back_to_the_last_bit(saved, ladder, npcc):
     for found, area in zip(loaded.areas, ladder.areas, strict=True):
         assert (found.retained, found.ports) == (area.retained, area.ports)
         assert (found.reducer, found.bases.bound) == (area.reducer, area.bases.bound)
-        for name in ("lift", "restrict", "weights", "hankel_values"):
+        assert found.bases.miss == area.bases.miss
+        for name in ("lift", "restrict", "weights", "input_weights", "hankel_values"):
             np.testing.assert_array_equal(getattr(found.bases, name), getattr(area.bases, name))
         np.testing.assert_array_equal(found.linear_ports.reals, area.linear_ports.reals)
         np.testing.assert_array_equal(found.states.lift_matrix, area.states.lift_matrix)
@@ -108,8 +109,9 @@ def test_damaged_arrays_are_refused(saved, npcc, part, fault):
     [
         {"areas": []},
         {"areas": [{"retained": [[42, "1"]]}]},
-        {"areas": [{"retained": [["x", "1"]], "bound": None}]},
-        {"areas": [{"retained": [], "bound": "small"}]},
+        {"areas": [{"retained": [["x", "1"]], "bound": None, "miss": 0.0}]},
+        {"areas": [{"retained": [], "bound": "small", "miss": 0.0}]},
+        {"areas": [{"retained": [], "bound": None, "miss": "none"}]},
         {"whole": False},
         {"step_seconds": {"detailed": 1.0}},
         {"step_seconds": {"sideways": 1.0}},

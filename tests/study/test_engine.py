@@ -137,7 +137,7 @@ def test_processes_give_the_same_rows_on_a_ladder_too(tmp_path, falling_costs):
 @pytest.fixture
 def long_steps(monkeypatch):
     """A step of the detailed model is said to take a second, so that a reduction pays."""
-    monkeypatch.setattr("gridfold.equivalents.auto.step_seconds", lambda system, start: 1.0)
+    monkeypatch.setattr("gridfold.equivalents.auto.step_seconds", lambda *_: 1.0)
 
 
 def automatic(**model):
@@ -194,7 +194,7 @@ def test_a_study_that_goes_on_keeps_the_model_and_the_costs_chosen_at_first(
     before = first.done
 
     # Now the ladder would not be chosen, and none of its rungs would be used.
-    def dear(ladder):
+    def dear(ladder, stepper):
         modes = (Mode.DETAILED, *ladder.rungs)
         return replace(ladder, step_seconds={mode: 1.0 + k for k, mode in enumerate(modes)})
 

@@ -118,6 +118,14 @@ class ModelSettings:
             raise OptionError(
                 f"the {self.kind.value} model forms states: outputs 'polar' is not its"
             )
+        forms_states = self.kind in PRINTED or (self.kind in PORTED and states)
+        if forms_states and self.reduction.weights is Weights.INTERFACE:
+            raise OptionError(f"weights 'interface' have no effect on the {self._form}")
+
+    @property
+    def _form(self) -> str:
+        states = " with outputs 'states'" if self.kind in PORTED else ""
+        return f"{self.kind.value} model{states}"
 
     @property
     def ported(self) -> bool:
@@ -160,13 +168,15 @@ class ModelSettings:
         reducer = self.reduction.build(ported=True)
         weights = self.reduction.weights or Weights.INTERFACE
         swings = sample_swings(parts, stepper=stepper)
-        retained: set[UnitKey] = set()
-        if self.kind is not ModelKind.LINEAR:
-            retained = {item.unit for item in limited_units(parts, swings)}
-            retained |= set(self.retain.choose(parts, swings))
-        kept = tuple(unit for unit in parts.external_units if unit in retained)
-        ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), kept)
+        retained = () if self.kind is ModelKind.LINEAR else self.retained(parts, swings)
+        ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
         return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
+
+    def retained(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
+        """External machines that stay exact: those chosen, and those whose limits act."""
+        found = {item.unit for item in limited_units(parts, swings)}
+        found |= set(self.retain.choose(parts, swings))
+        return tuple(unit for unit in parts.external_units if unit in found)
 
     def of_areas(
         self,
