@@ -34,8 +34,8 @@ def poles(small, x):
     return np.linalg.eigvals(numerical_jacobian(small.system.compiled, start))
 
 
-@pytest.mark.parametrize("form", [reduced, folded])
-def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, form):
+@pytest.mark.parametrize(("form", "usual"), [(reduced, 1e-2), (folded, 1e-4)])
+def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, form, usual):
     exact = gf.small_signal(npcc).eigenvalues
     slow = exact[exact.real > -DECAY]
     assert len(slow) == 3
@@ -44,14 +44,14 @@ def test_slow_modes_of_the_whole_are_modes_of_the_reduced_model(npcc, parts, for
     )
     apart, before = (np.abs(slow[:, None] - some).min(axis=1) for some in (found, without))
     assert apart.max() < 1e-8
-    assert before.max() > 1e-2
+    assert before.max() > usual
 
 
-def test_if_all_angles_turn_alike_a_folded_area_stays_at_rest(npcc, parts):
+def test_if_all_angles_turn_alike_what_keeps_that_mode_stays_at_rest(npcc, parts):
     turned = npcc.x0.copy()
     turned[npcc.slots("rotor_angle", npcc.machines)] += 0.5
     residual = []
-    for form, decay in ((reduced, 1e-3), (folded, None), (folded, 1e-3)):
+    for form, decay in ((reduced, None), (reduced, 1e-3), (folded, None)):
         small = form(parts, decay).build(Mode.LINEAR, npcc)
         moved = small.system.compiled(small.coordinates.restrict(turned))
         residual.append(np.abs(moved).max())
