@@ -143,20 +143,21 @@ class ModelSettings:
     def rule(self) -> SwitchingRule:
         """When which model is used."""
         if self.kind is ModelKind.LINEAR:
-            return SwitchingRule(inf)
+            return SwitchingRule(self._whole_deg if self.ported else inf, longest_above=inf)
         if self.kind is ModelKind.RETAINED:
             return SwitchingRule(0.0, longest_above=inf)
         if self.kind not in ANGLES_DEG:
             return SwitchingRule(0.0)
         angle, longest = self.angle_deg, self.longest_above
-        whole = 0.0
-        if self.kind is ModelKind.ADAPTIVE:
-            whole = WHOLE_DEG if self.whole_deg is None else self.whole_deg
         return SwitchingRule(
             ANGLES_DEG[self.kind] if angle is None else angle,
             LONGEST_ABOVE if longest is None else longest,
-            whole_deg=whole,
+            whole_deg=self._whole_deg if self.kind is ModelKind.ADAPTIVE else 0.0,
         )
+
+    @property
+    def _whole_deg(self) -> float:
+        return WHOLE_DEG if self.whole_deg is None else self.whole_deg
 
     def build(self, parts: Partition, stepper: Stepper | None = None) -> Family:
         """The models between which the rule switches, for runs with `stepper`.
@@ -185,9 +186,9 @@ class ModelSettings:
     ) -> Ladder:
         """The ladder of this model from areas `folded` with the machines that are retained."""
         near = folded(retained)
-        if self.kind in (ModelKind.LINEAR, ModelKind.RETAINED):
+        if self.kind is ModelKind.RETAINED:
             return Ladder((near,))
-        if self.kind is ModelKind.WHOLE:
+        if self.kind in (ModelKind.LINEAR, ModelKind.WHOLE):
             return Ladder((near,), whole=True)
         return Ladder((near, folded(()) if retained else near), whole=True)
 
@@ -249,8 +250,8 @@ class ModelSettings:
             record |= {
                 name: _finite(getattr(rule, name)) for name in ("angle_deg", "longest_above")
             }
-        if self.kind is ModelKind.ADAPTIVE:
-            record["whole_deg"] = rule.whole_deg
+        if self.kind is ModelKind.ADAPTIVE or (self.kind is ModelKind.LINEAR and self.ported):
+            record["whole_deg"] = self._whole_deg
         if isinstance(family, ReducedExternal):
             record |= {
                 "coupling": family.boundary.value,
