@@ -550,6 +550,10 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
         ((*REDUCED, "linear", "--retain", 3), "--retain has no effect on the linear"),
         ((*REDUCED, "linear", "--retain-buses", 42), "--retain-buses has no effect on the linear"),
         ((*REDUCED, "linear", "--column-norm", 1), "--column-norm has no effect on the linear"),
+        (
+            (*REDUCED, "linear", "--outputs", "states", "--whole-deg", 3),
+            "--whole-deg has no effect on the linear",
+        ),
         ((*REDUCED, "retained", "--whole-deg", 3), "--whole-deg has no effect on the retained"),
         ((*REDUCED, "retained", "--angle-deg", 3), "--angle-deg has no effect on the retained"),
         ((*REDUCED, "whole", "--whole-deg", 3), "--whole-deg has no effect on the whole"),

@@ -72,7 +72,7 @@ def test_ports_are_refused_by_models_that_form_states(kind):
 @pytest.mark.parametrize(
     ("kind", "rule"),
     [
-        (ModelKind.LINEAR, SwitchingRule(INFINITE)),
+        (ModelKind.LINEAR, SwitchingRule(10.0, longest_above=INFINITE)),
         (ModelKind.RETAINED, SwitchingRule(0.0, longest_above=INFINITE)),
         (ModelKind.ADAPTIVE, SwitchingRule(67.0, whole_deg=10.0)),
         (ModelKind.WHOLE, SwitchingRule(6.0)),
@@ -93,6 +93,9 @@ def test_thresholds_that_are_given_take_the_place_of_the_defaults():
     )
     assert adaptive == SwitchingRule(30.0, 1.0, whole_deg=2.0)
     assert paper == SwitchingRule(30.0, 1.0)
+    linear = ModelSettings(ModelKind.LINEAR, whole_deg=2.0)
+    assert linear.rule == SwitchingRule(2.0, longest_above=INFINITE)
+    assert replace(linear, outputs=STATES).rule.angle_deg == INFINITE
 
 
 @pytest.mark.parametrize(
@@ -159,7 +162,7 @@ def test_what_cannot_be_retained_is_named(parts, swings):
 @pytest.mark.parametrize(
     ("kind", "rungs"),
     [
-        (ModelKind.LINEAR, (Mode.LINEAR,)),
+        (ModelKind.LINEAR, (Mode.LINEAR, Mode.WHOLE)),
         (ModelKind.RETAINED, (Mode.RETAINED,)),
         (ModelKind.WHOLE, (Mode.RETAINED, Mode.WHOLE)),
         (ModelKind.ADAPTIVE, (Mode.RETAINED, Mode.LINEAR, Mode.WHOLE)),
@@ -172,8 +175,8 @@ def test_models_with_ports_are_ladders_of_their_rungs(
     assert isinstance(found, Ladder)
     assert found.rungs == found.modes == rungs
     assert found.retained == (() if kind is ModelKind.LINEAR else (gf.UnitKey(21, "1"),))
-    # What a step takes matters only where there is a choice.
-    assert bool(found.step_seconds) is (len(rungs) > 1)
+    # What a step takes is measured where the angle decides.
+    assert bool(found.step_seconds) is (kind in (ModelKind.WHOLE, ModelKind.ADAPTIVE))
 
 
 def test_without_a_machine_to_retain_the_upper_rung_is_the_linear_one(parts, falling_costs):
@@ -223,8 +226,9 @@ def test_a_ladder_that_is_there_is_taken_as_far_as_the_model_goes(ladder, kind):
     expected = {ModelKind.LINEAR: (far,), ModelKind.ADAPTIVE: (near, far)}.get(kind, (near,))
     assert len(found.areas) == len(expected)
     assert all(a is b for a, b in zip(found.areas, expected, strict=True))
-    assert found.whole is (kind in (ModelKind.ADAPTIVE, ModelKind.WHOLE))
-    rungs = (Mode.DETAILED, *found.rungs) if found.whole else ()
+    assert found.whole is (kind is not ModelKind.RETAINED)
+    measured = kind in (ModelKind.ADAPTIVE, ModelKind.WHOLE)
+    rungs = (Mode.DETAILED, *found.rungs) if measured else ()
     assert found.step_seconds == {mode: costs[mode] for mode in rungs}
 
 

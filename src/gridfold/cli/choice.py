@@ -140,6 +140,9 @@ class ModelChoice:
             unused += given(self.external.reduction)
         if self.model is ModelKind.LINEAR:
             unused += given(self.external.retain)
+            settings = ModelSettings(self.model, **vars(self.boundary))
+            if self.switching.whole_deg is not None and not settings.ported:
+                unused.append("--whole-deg")
         return unused
 
     def build(self, model: DetailedModel, source: str, work: Work, stepper: Stepper) -> Simulator:
