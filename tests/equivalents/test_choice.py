@@ -49,7 +49,7 @@ def one_retained(parts):
 
 @pytest.mark.parametrize("kind", ModelKind)
 def test_a_model_with_ports_has_none_where_states_or_a_lag_are_asked_for(kind):
-    assert ModelSettings(kind).ported is (kind in PORTED)
+    assert ModelSettings(kind).ported is (kind in (ModelKind.AUTO, *PORTED))
     for options in ({"outputs": STATES}, {"coupling": LAGGED}):
         if kind in (ModelKind.LINEAR, ModelKind.DETAILED, *PRINTED):
             assert not ModelSettings(kind, **options).ported

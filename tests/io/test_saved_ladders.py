@@ -43,6 +43,12 @@ def header_of(path):
         return json.loads(str(archive["metadata"]))
 
 
+def assert_same_ports(found, expected):
+    """Equal to the last bit."""
+    for name in ("diagonal", "coupling", "b", "offset", "c", "current", "voltage", "turned"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
 def test_a_ladder_comes_back_to_the_last_bit(saved, ladder, npcc):
     loaded, norm = load_reduced(saved, npcc)
     assert norm is None
@@ -55,7 +61,7 @@ def test_a_ladder_comes_back_to_the_last_bit(saved, ladder, npcc):
         assert found.bases.miss == area.bases.miss
         for name in ("lift", "restrict", "weights", "input_weights", "hankel_values"):
             np.testing.assert_array_equal(getattr(found.bases, name), getattr(area.bases, name))
-        np.testing.assert_array_equal(found.linear_ports.reals, area.linear_ports.reals)
+        assert_same_ports(found.linear_ports, area.linear_ports)
         np.testing.assert_array_equal(found.states.lift_matrix, area.states.lift_matrix)
 
 
@@ -78,9 +84,7 @@ def test_a_modal_truncation_without_costs_can_be_saved_too(tmp_path, npcc, npcc_
     loaded = load_reduced(tmp_path / "m.npz", npcc).family
     assert (loaded.areas[0].reducer, loaded.step_seconds) == (reducer, {})
     assert (loaded.areas[0].bases.bound, loaded.areas[0].bases.hankel_values) == (None, None)
-    np.testing.assert_array_equal(
-        loaded.areas[0].linear_ports.reals, modal.areas[0].linear_ports.reals
-    )
+    assert_same_ports(loaded.areas[0].linear_ports, modal.areas[0].linear_ports)
 
 
 @pytest.mark.parametrize("part", ARRAYS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isclose
 from pathlib import Path
@@ -25,10 +25,9 @@ from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.error_budget import ErrorBudget, error_budget
 from gridfold.equivalents.families import ReducedExternal
 from gridfold.equivalents.ladder import Ladder
-from gridfold.equivalents.model_kind import STUDY_AREAS, ModelKind, ReducerKind, Weights
+from gridfold.equivalents.model_kind import STUDY_AREAS, ModelKind, ReducerKind
 from gridfold.equivalents.saved import SavedReduction, load_reduced, reducer_record
 from gridfold.equivalents.small_models import SmallModels
-from gridfold.equivalents.swings import sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
@@ -40,8 +39,6 @@ from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory, UsedModel
 
-#: What is asked for and what the file has, by name.
-_Row = tuple[str, float | str | None, float | str | None]
 _REDUCERS = {
     BalancedTruncation.__name__: ReducerKind.BALANCED,
     ModalTruncation.__name__: ReducerKind.MODAL,
@@ -70,10 +67,13 @@ class ExternalOptions:
         reducer = family.areas[0].reducer if isinstance(family, Ladder) else family.reducer
         record = reducer_record(reducer)
         asked = self.area.find(parts.model.case, "") if given(self.area) else parts.study_buses
+        norm = self.retain.norm(parts)
+        if norm is not None and saved.column_norm is not None and isclose(norm, saved.column_norm):
+            norm = saved.column_norm
         kind = self.reduction.reducer
         for name, wanted, there in (
             ("study buses", as_ranges(asked), as_ranges(parts.study_buses)),
-            *(self._of_ladder(family) if isinstance(family, Ladder) else self._of_printed(saved)),
+            ("column norm", norm, saved.column_norm),
             ("reducer", kind and kind.value, _REDUCERS[record["name"]].value),
             ("order", self.reduction.order, record.get("order")),
             ("tolerance", self.reduction.tolerance, record.get("tolerance")),
@@ -81,26 +81,6 @@ class ExternalOptions:
         ):
             if wanted is not None and wanted != there:
                 raise OptionError(f"{path}: the file is for {name} {there}, not {wanted}")
-
-    def _of_ladder(self, family: Ladder) -> Iterator[_Row]:
-        """Retained machines and weights that are asked for, and those of the file."""
-        if given(self.retain):
-            settings = self.settings(ModelKind.RETAINED, family.parts)
-            wanted = settings.retained(family.parts, sample_swings(family.parts))
-            yield "retained machines", _listed(wanted), _listed(family.retained)
-        weights = self.reduction.weights
-        there = Weights.INTERFACE if family.areas[0].bases.input_weights.size else Weights.STATES
-        yield "weights", weights and weights.value, there.value
-
-    def _of_printed(self, saved: SavedReduction) -> Iterator[_Row]:
-        """The column norm that is asked for, and that of the file."""
-        norm, there = self.retain.norm(saved.family.parts), saved.column_norm
-        same = norm is not None and there is not None and isclose(norm, there)
-        yield "column norm", there if same else norm, there
-
-
-def _listed(units: Sequence[UnitKey]) -> str:
-    return ", ".join(map(str, units)) or "none"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +123,10 @@ class ModelChoice:
             settings = ModelSettings(self.model, **vars(self.boundary))
             if self.switching.whole_deg is not None and not settings.ported:
                 unused.append("--whole-deg")
+        if self.reduced is not None:
+            chosen = ("--retain-buses", "--retain", "--weights")
+            both = given(self.external.retain) + given(self.external.reduction)
+            unused += [f"with --reduced {name}" for name in both if name in chosen]
         return unused
 
     def build(self, model: DetailedModel, source: str, work: Work, stepper: Stepper) -> Simulator:

@@ -373,10 +373,12 @@ def simulate_adaptive(
     model : DetailedModel
         The whole system.
     family : ModelFamily or SmallModels
-        From :func:`reduce_external` or :func:`whole_system`; a :class:`SmallModels` keeps what it
+        From :func:`gridfold.fold`, a :class:`gridfold.Ladder`, or the paper's from
+        :func:`gridfold.reduce` or :func:`gridfold.whole_system`; a :class:`SmallModels` keeps what it
         builds for further runs.
     rule : SwitchingRule
-        Thresholds; 0 degrees gives the hybrid and infinity the linear model all the time.
+        Thresholds; 0 degrees gives the most exact small model and infinity the next one all the
+        time.
     events, t_end, stepper, criterion, store
         As in :func:`gridfold.simulate`.
     """

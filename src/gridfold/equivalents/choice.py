@@ -131,7 +131,7 @@ class ModelSettings:
     def ported(self) -> bool:
         """Whether linear machines act through ports."""
         states = self.outputs is Outputs.STATES or self.coupling is BoundaryCoupling.LAGGED
-        return self.kind in PORTED and not states
+        return self.kind in (*PORTED, ModelKind.AUTO) and not states
 
     @property
     def norm(self) -> float:

@@ -12,11 +12,11 @@ class ModelKind(Enum):
     """Which model is simulated.
 
     AUTO: the detailed one, or the ladder where that is predicted to be cheaper. LINEAR: study area
-    exact, the rest linear; all of it while angles are near the operating point. RETAINED: machines
-    near the boundary exact, too. ADAPTIVE: the ladder of detailed, retained, linear, and linear
-    throughout. WHOLE: the same without the linear external area. PAPER and PAPER_WHOLE: as printed by
-    Osipov & Sun, equations (14)-(15) and (16)-(17); HYBRID and PROJECTED: their upper model all the
-    time, with the near or with all functions nonlinear.
+    exact and the rest linear; everything linear while angles are near the operating point. RETAINED:
+    machines near the boundary exact, too. ADAPTIVE: the ladder of detailed, retained, linear, and
+    linear throughout. WHOLE: the same without the linear external area. PAPER and PAPER_WHOLE: as
+    printed by Osipov & Sun, equations (14)-(15) and (16)-(17); HYBRID and PROJECTED: their upper model
+    all the time, with the near or with all functions nonlinear.
     """
 
     AUTO = "auto"
