@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 import gridfold as gf
+from gridfold.equivalents.families import Mode
 
 H, X_MACHINE, X_LINE, X_GRID = 3.0, 0.3, 0.4, 0.1
 POWER_MW = 80.0
+#: Seconds of a step of each rung where every rung is to pay, whatever the machine.
+FALLING = {Mode.DETAILED: 4e-5, Mode.RETAINED: 3e-5, Mode.LINEAR: 2e-5, Mode.WHOLE: 1e-5}
 
 
 def npcc_model_on(backend: gf.NetworkBackend) -> gf.DetailedModel:

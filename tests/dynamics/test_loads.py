@@ -141,12 +141,6 @@ def test_wrong_shares_are_refused(text, match):
         gf.LoadModel.parse(text)
 
 
-def test_polar_outputs_need_constant_impedances(model):
-    family = reduce_external(partition(model, range(1, 37)), outputs=gf.Outputs.POLAR)
-    with pytest.raises(gf.OptionError, match="polar outputs need loads"):
-        family.linear(model)
-
-
 def test_a_strained_grid_of_constant_power_keeps_a_solution():
     """30 percent more load and generation than in the files; voltages fall far below the break."""
     folder = Path(__file__).parents[2] / "examples" / "psse_study"

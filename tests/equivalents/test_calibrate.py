@@ -7,7 +7,7 @@ import pytest
 
 import gridfold as gf
 from gridfold.cli import main
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.calibrate import (
     ANGLES_DEG,
     COLUMN_NORMS,
@@ -15,7 +15,7 @@ from gridfold.equivalents.calibrate import (
     calibrate,
 )
 
-T_END = 3.0
+T_END, LAGGED = 3.0, BoundaryCoupling.LAGGED
 FAULTS = [gf.BusFault(22, duration=0.1), gf.BusFault(3, duration=0.39)]
 
 
@@ -68,23 +68,15 @@ def test_the_column_norm_found_satisfies_and_the_next_shorter_list_of_machines_d
     assert found.binding.rms_deg == pytest.approx(max(rejected))
 
 
-@pytest.mark.parametrize(
-    "options", [{"outputs": Outputs.POLAR}, {"coupling": BoundaryCoupling.LAGGED}]
-)
-def test_errors_are_those_of_the_outputs_and_the_coupling_asked_for(parts, options):
+def test_errors_are_those_of_the_coupling_asked_for(parts):
     kind = ThresholdKind.PARTITIONED
-    result = calibrate(parts, FAULTS[1:], T_END, limit_deg=179.0, what=[kind], **options)
-    family = gf.reduce(parts, **options)
-    assert (result.outputs, result.boundary) == (family.outputs, family.boundary)
+    result = calibrate(parts, FAULTS[1:], T_END, limit_deg=179.0, what=[kind], coupling=LAGGED)
+    family = gf.reduce(parts, coupling=LAGGED)
+    assert result.boundary is LAGGED
     expected = worst_error(parts, family, 180.0, FAULTS[1])
     assert result.thresholds[kind].worst.rms_deg == pytest.approx(expected.rms_deg)
     exact = worst_error(parts, gf.reduce(parts), 180.0, FAULTS[1])
     assert expected.rms_deg != pytest.approx(exact.rms_deg, rel=1e-6)
-
-
-def test_polar_outputs_with_a_lag_are_refused(parts):
-    with pytest.raises(gf.OptionError, match="lagged coupling needs outputs 'states'"):
-        calibrate(parts, FAULTS, outputs=Outputs.POLAR, coupling=BoundaryCoupling.LAGGED)
 
 
 def test_thresholds_do_not_depend_on_the_number_of_threads(parts):
@@ -178,7 +170,8 @@ def test_the_command_writes_thresholds_and_what_binds_them(monkeypatch, capsys):
     buses = [error["events"][0]["bus"] for error in norm["errors"]]
     assert buses == [22, 3]
     assert record["left_out"] == []
-    assert (record["coupling"], record["outputs"]) == ("exact", "states")
+    assert record["coupling"] == "exact"
+    assert "outputs" not in record
 
 
 def test_the_command_calibrates_with_coupling_reducer_and_norm_asked_for(monkeypatch, capsys):
@@ -189,7 +182,7 @@ def test_the_command_calibrates_with_coupling_reducer_and_norm_asked_for(monkeyp
     )  # fmt: skip
     assert code == 0
     record = json.loads(text.out)
-    assert (record["coupling"], record["outputs"]) == ("lagged", "states")
+    assert record["coupling"] == "lagged"
     assert record["reducer"] == {"name": "ModalTruncation", "order": 80}
     assert (record["column_norm"], record["kept"]) == (3.0, ["78:1"])
 

@@ -10,26 +10,22 @@ import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.equivalents.adaptive import Band, SwitchingRule
 from gridfold.equivalents.families import Mode
-from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
-from gridfold.partition import partition
 
-NEAR_BOUNDARY = (42, 50, 51, 78, 134)
 DETAILED, RETAINED, LINEAR, WHOLE = Mode.DETAILED, Mode.RETAINED, Mode.LINEAR, Mode.WHOLE
 INFINITE = float("inf")
 
 
 @pytest.fixture(scope="module")
-def parts(npcc):
-    return partition(npcc, range(1, 37))
+def parts(npcc_parts):
+    return npcc_parts
 
 
 @pytest.fixture(scope="module")
-def ladder(parts):
-    near = [unit for unit in parts.external_units if unit.bus in NEAR_BOUNDARY]
-    return Ladder(fold(parts, near), fold(parts))
+def ladder(npcc_retained, npcc_linear):
+    return Ladder((npcc_retained, npcc_linear), whole=True)
 
 
 def costs(detailed, retained, linear, whole):
@@ -52,12 +48,13 @@ def test_a_rung_that_is_not_cheaper_than_the_one_above_is_not_used(ladder, secon
     assert replace(ladder, step_seconds=seconds).modes == expected
 
 
-def test_without_costs_or_middle_rung_the_others_are_used(ladder):
+def test_without_costs_all_rungs_that_there_are_are_used(ladder):
     assert ladder.modes == ladder.rungs == (RETAINED, LINEAR, WHOLE)
-    short = Ladder(ladder.retained, None)
+    short = Ladder(ladder.areas[:1], whole=True)
     assert short.rungs == short.modes == (RETAINED, WHOLE)
     cheap = replace(short, step_seconds={DETAILED: 3.0, RETAINED: 2.0, WHOLE: 1.0})
     assert cheap.modes == (RETAINED, WHOLE)
+    assert Ladder(ladder.areas[1:]).modes == (LINEAR,)
 
 
 def test_costs_are_measured_for_the_detailed_model_and_every_rung(ladder):
@@ -73,8 +70,9 @@ def test_every_rung_comes_from_the_area_that_it_needs(npcc, ladder):
     for mode, count in n_exact.items():
         assert len(npcc.machines) - len(ladder.build(mode, npcc).unlimited) == count
     order = ladder.build(WHOLE, npcc).system.compiled.n_states
-    assert order == 9 * 9 + ladder.linear.bases.order
-    assert Ladder(ladder.retained, None).build(WHOLE, npcc).system.compiled.n_states > order
+    assert order == 9 * 9 + ladder.areas[1].bases.order
+    short = Ladder(ladder.areas[:1], whole=True)
+    assert short.build(WHOLE, npcc).system.compiled.n_states > order
 
 
 def test_a_ladder_moves_with_both_areas_and_keeps_its_costs(npcc, ladder):
@@ -83,11 +81,11 @@ def test_a_ladder_moves_with_both_areas_and_keeps_its_costs(npcc, ladder):
     point = find_equilibrium(model, npcc.x0)
     known = replace(ladder, step_seconds=costs(4, 3, 2, 1))
     moved = known.moved(model, point)
-    for area in (moved.retained, moved.linear):
+    for area in moved.areas:
         np.testing.assert_array_equal(area.origin, point.x)
     np.testing.assert_array_equal(moved.origin, point.x)
     assert moved.step_seconds == known.step_seconds
-    assert Ladder(ladder.retained, None).moved(model, point).linear is None
+    assert moved.rungs == ladder.rungs
 
 
 def test_two_models_have_the_bands_of_the_paper():

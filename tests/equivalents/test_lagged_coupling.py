@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gridfold as gf
-from gridfold.dynamics.area_model import BoundaryCoupling, Outputs
+from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.error_budget import error_budget
@@ -84,9 +84,7 @@ def test_a_fault_on_a_tie_line_is_refused(npcc, parts, lagged):
         lagged.linear(npcc.for_state(faulted))
 
 
-def test_what_does_not_go_together_is_refused(npcc, parts, lagged):
-    with pytest.raises(OptionError, match="needs outputs 'states'"):
-        reduce_external(parts, outputs=Outputs.POLAR, coupling=BoundaryCoupling.LAGGED)
+def test_a_stepper_that_cannot_hold_values_is_refused(npcc, lagged):
     with pytest.raises(OptionError, match="cannot hold values"):
         simulate_adaptive(npcc, lagged, HYBRID, (), 0.1, ScipyReference())
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gridfold as gf
-from gridfold.equivalents.families import reduce_external
+from gridfold.equivalents.folded import fold
 from gridfold.partition.areas import study_buses
 from gridfold.reduction import BalancedTruncation
 
@@ -58,7 +58,7 @@ def test_the_large_zone_has_95_machines_and_38_tie_lines(parts):
 
 
 def test_a_reduced_zone_follows_a_short_fault_within_a_degree(model, parts):
-    family = reduce_external(parts, BalancedTruncation(order=ORDER), outputs=gf.Outputs.POLAR)
+    family = fold(parts, reducer=BalancedTruncation(order=ORDER))
     fault = gf.BusFault(FAULTED, duration=0.1)
     detailed = gf.simulate(model, [fault], 3.0)
     reduced = gf.simulate_adaptive(model, family, gf.SwitchingRule(67.0), [fault], 3.0).trajectory

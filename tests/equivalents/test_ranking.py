@@ -6,18 +6,19 @@ from row_of_areas import row_of_areas
 
 import gridfold as gf
 from gridfold.equivalents.ranking import _power_defects, rank_retained
+from gridfold.equivalents.swings import sample_swings
 from gridfold.errors import OptionError
 from gridfold.partition import couple, partition
 
 
 @pytest.fixture(scope="module")
-def parts(npcc):
-    return partition(npcc, range(1, 37))
+def parts(npcc_parts):
+    return npcc_parts
 
 
 @pytest.fixture(scope="module")
-def ranking(parts):
-    return rank_retained(parts)
+def ranking(parts, npcc_swings):
+    return rank_retained(parts, npcc_swings)
 
 
 def test_all_external_machines_are_ranked_by_falling_score(parts, ranking):
@@ -64,17 +65,12 @@ def test_a_common_turn_of_all_angles_is_no_defect(npcc, parts):
 def test_the_score_grows_with_the_square_of_a_small_swing(parts):
     def swing(reactance):
         fault = gf.BusFault(23, duration=0.1, reactance=reactance)
-        return rank_retained(parts, [[fault]], 1.0)
+        return rank_retained(parts, sample_swings(parts, [[fault]], 1.0))
 
     small, large = swing(20.0), swing(10.0)
     scores = dict(zip(small.units, small.scores, strict=True))
     ratios = [large.scores[k] / scores[unit] for k, unit in enumerate(large.first(10))]
     np.testing.assert_allclose(ratios, 4.0, rtol=0.1)
-
-
-def test_a_swing_after_which_the_network_is_not_intact_gives_no_sample(parts):
-    with pytest.raises(OptionError, match="intact"):
-        rank_retained(parts, [[gf.BranchFault("3-2")]], 1.0)
 
 
 def test_machines_with_other_models_are_ranked_too():

@@ -175,6 +175,15 @@ def test_another_operating_point_is_refused_with_the_state_that_differs(tmp_path
         load_reduced(tmp_path / "moved.npz", npcc)
 
 
+@pytest.mark.parametrize("name", ["area_lift", "full_a", "drift", "u0"])
+def test_an_array_that_is_one_number_is_refused(saved, npcc, name):
+    with np.load(saved) as archive:
+        arrays = dict(archive) | {name: np.float64(1.0)}
+    np.savez(saved, **arrays)
+    with pytest.raises(gf.CaseFileError, match=r"npcc\.npz.*\n.*does not fit together"):
+        load_reduced(saved, npcc)
+
+
 def test_arrays_that_do_not_fit_the_study_area_are_refused(saved, npcc):
     rewrite(saved, study_buses=list(range(1, 30)))
     with pytest.raises(gf.CaseFileError, match=r"npcc\.npz.*\n.*does not fit together"):

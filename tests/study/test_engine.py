@@ -9,12 +9,16 @@ import sys
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from cases import FALLING
 
 import gridfold as gf
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.ladder import Ladder
 from gridfold.io.study_store import FILE, StudyStore
 from gridfold.study import Stage, run_study
 from gridfold.study.study_file import parse_study
@@ -39,9 +43,11 @@ REDUCED = SHORT | {
         "clearing_time": 0.05,
     },
     "contingency": [],
-    "model": {"kind": "adaptive", "order": 40, "angle_deg": 20},
+    "model": {"kind": "paper", "order": 40, "angle_deg": 20},
     "check": {"sample": "all"},
 }
+#: The same with a ladder.
+LADDER = REDUCED | {"model": {"kind": "adaptive", "order": 20, "angle_deg": 20, "retain": 3}}
 
 
 def rows(folder):
@@ -113,10 +119,102 @@ def test_threads_and_executors_give_the_same_rows(reference, tmp_path):
     pd.testing.assert_frame_equal(rows(tmp_path / "own"), rows(folder))
 
 
-def test_processes_give_the_same_rows_on_reduced_models_too(reduced, tmp_path):
-    run = run_study(parse_study(REDUCED), tmp_path / "p", workers="processes", count=2)
+def test_processes_give_the_same_rows_on_a_ladder_too(tmp_path, falling_costs):
+    run_study(parse_study(LADDER), tmp_path / "t", count=1)
+    run = run_study(parse_study(LADDER), tmp_path / "p", workers="processes", count=2)
     assert run.workers == "2 processes"
-    pd.testing.assert_frame_equal(rows(tmp_path / "p"), rows(reduced))
+    frame = rows(tmp_path / "t")
+    pd.testing.assert_frame_equal(rows(tmp_path / "p"), frame)
+    assert (frame["error_rms_deg"] < 1.0).all()
+    assert (frame["linear_s"] > 0).all()
+    with StudyStore.read(tmp_path / "p") as store:
+        settings = store.identity["settings"]
+    assert (settings["model"], settings["model_reason"]) == ("adaptive", None)
+    assert len(settings["kept"]) == 3
+    assert settings["step_seconds"] == {mode.value: s for mode, s in FALLING.items()}
+
+
+@pytest.fixture
+def long_steps(monkeypatch):
+    """A step of the detailed model is said to take a second, so that a reduction pays."""
+    monkeypatch.setattr("gridfold.equivalents.auto.step_seconds", lambda *_: 1.0)
+
+
+def automatic(**model):
+    content = SHORT | {"model": {"order": 20} | model, "check": {"sample": 0}}
+    return parse_study(content | {"contingencies": {"bus_faults": "1-6", "clearing_time": 0.05}})
+
+
+def settings_of(folder):
+    with StudyStore.read(folder) as store:
+        return store.identity["settings"]
+
+
+def test_a_short_study_runs_on_the_detailed_model_and_says_why(tmp_path):
+    study = automatic(outputs="polar")
+    run_study(study, tmp_path / "a", count=1)
+    settings = settings_of(tmp_path / "a")
+    assert settings["model"] == "detailed"
+    assert settings["model_reason"].startswith("8 detailed runs take about ")
+    assert "to reduce 351 external states would take about 1.1 s" in settings["model_reason"]
+    assert "kept" not in settings
+    assert run_study(study, tmp_path / "a", resume=True).complete
+    assert settings_of(tmp_path / "a") == settings
+
+
+def test_a_study_without_a_study_area_runs_on_the_detailed_model_and_says_why(tmp_path):
+    folder = Path(__file__).parents[2] / "examples" / "own_exciter_study"
+    content = {
+        "case": {"source": "two-plants", "devices": ["my_exciter.py"]},
+        "contingencies": {"bus_faults": "1-2"},
+        "run": {"t_end": 0.5},
+    }
+    run_study(parse_study(content), tmp_path / "a", folder=folder, count=1)
+    settings = settings_of(tmp_path / "a")
+    assert settings["model"] == "detailed"
+    assert settings["model_reason"] == "no study area is given"
+
+
+def test_a_study_that_goes_on_keeps_the_model_and_the_costs_chosen_at_first(
+    tmp_path, falling_costs, long_steps, monkeypatch
+):
+    study = automatic()
+    run_study(study, tmp_path / "whole", count=1)
+    settings = settings_of(tmp_path / "whole")
+    assert settings["model"] == "adaptive"
+    assert settings["model_reason"].startswith("8 detailed runs take about 8e+02 s; the ladder is")
+    assert (rows(tmp_path / "whole")["linear_s"] > 0).sum() > 1
+
+    def interrupt(progress):
+        if progress.done == 2 and progress.latest:
+            raise KeyboardInterrupt
+
+    first = run_study(study, tmp_path / "parts", count=1, on_progress=interrupt)
+    assert first.stage is Stage.INTERRUPTED
+    before = first.done
+
+    # Now the ladder would not be chosen, and none of its rungs would be used.
+    def dear(ladder, stepper):
+        modes = (Mode.DETAILED, *ladder.rungs)
+        return replace(ladder, step_seconds={mode: 1.0 + k for k, mode in enumerate(modes)})
+
+    monkeypatch.setattr(Ladder, "measured", dear)
+    monkeypatch.setattr("gridfold.equivalents.auto.FACTOR", 0.0)
+    monkeypatch.setattr("gridfold.study.prepare.choose_model", None)
+    assert before < 8
+    assert run_study(study, tmp_path / "parts", resume=True, count=1).complete
+    pd.testing.assert_frame_equal(rows(tmp_path / "parts"), rows(tmp_path / "whole"))
+    assert settings_of(tmp_path / "parts") == settings
+
+
+def test_topologies_that_contingencies_leave_count_against_a_reduction(
+    tmp_path, falling_costs, long_steps
+):
+    content = SHORT | {"contingencies": {"machine_trips": "21-26"}, "contingency": []}
+    run_study(parse_study(content | {"model": {"order": 20}}), tmp_path / "a", count=1)
+    settings = settings_of(tmp_path / "a")
+    assert settings["model"] == "detailed"
+    assert "the ladder is predicted to take" in settings["model_reason"]
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_same_rows(reduced, tmp_path):
@@ -324,7 +422,7 @@ def test_clearing_times_are_those_of_the_detailed_search(tmp_path):
 def test_thresholds_are_calibrated_from_the_faults_of_the_study(tmp_path):
     content = REDUCED | {
         "contingencies": {"bus_faults": "3", "clearing_time": 0.2},
-        "model": {"kind": "adaptive", "order": 60, "calibrate": True, "largest_error_deg": 1.0},
+        "model": {"kind": "paper", "order": 60, "calibrate": True, "largest_error_deg": 1.0},
         "run": {"t_end": 3.0},
     }
     run_study(parse_study(content), tmp_path / "a")

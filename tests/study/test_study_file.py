@@ -6,7 +6,9 @@ import jsonschema
 import pytest
 
 from gridfold import CaseFileError, OutputError
-from gridfold.equivalents.model_kind import ModelKind
+from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
+from gridfold.equivalents.model_kind import ModelKind, Outputs, ReducerKind, Weights
 from gridfold.study.study_file import (
     Study,
     json_schema,
@@ -35,7 +37,7 @@ def test_the_template_is_a_study_with_the_documented_defaults(tmp_path):
     path = tmp_path / "study.toml"
     write_template(path)
     study = load_study(path)
-    assert study.model.kind is ModelKind.ADAPTIVE
+    assert study.model.kind is ModelKind.AUTO
     assert study.case.source == "npcc"
     with pytest.raises(OutputError, match="exists already"):
         write_template(path)
@@ -95,6 +97,42 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
             LEAST + "[model]\norder = 9\ntolerance = 0.1\n",
             "model: give either the tolerance or the order",
         ),
+        (LEAST + "[model]\nretain = -1\n", "study.toml:5: model.retain"),
+        (LEAST + "[model]\nretain_buses = 'far'\n", "model: model.retain_buses"),
+        (
+            LEAST + "[model]\nretain = 3\nretain_buses = '42'\n",
+            "model: give one of the column norm, the buses and the number of retained machines",
+        ),
+        (LEAST + "[model]\nweights = 'heavy'\n", "study.toml:5: model.weights"),
+        (LEAST + "[model]\nwhole_deg = -1\n", "study.toml:5: model.whole_deg"),
+        (
+            LEAST + "[model]\nkind = 'retained'\noutputs = 'states'\n",
+            "model: outputs 'states' has no effect on the retained model",
+        ),
+        (
+            LEAST + "[model]\noutputs = 'states'\n",
+            "model: outputs 'states' has no effect on the auto model",
+        ),
+        (
+            LEAST + "[model]\nkind = 'whole'\ncoupling = 'lagged'\n",
+            "model: the lagged coupling has no effect on the whole model",
+        ),
+        (
+            LEAST + "[model]\nkind = 'paper'\noutputs = 'polar'\n",
+            "model: the paper model forms states: outputs 'polar' is not its",
+        ),
+        (
+            LEAST + "[model]\nkind = 'linear'\noutputs = 'polar'\ncoupling = 'lagged'\n",
+            "model: the lagged coupling needs outputs 'states'",
+        ),
+        (
+            LEAST + "[model]\ncalibrate = true\n",
+            "model.calibrate finds the paper's thresholds, not auto's",
+        ),
+        (
+            LEAST + "[model]\nkind = 'adaptive'\ncalibrate = true\n",
+            "model.calibrate finds the paper's thresholds, not adaptive's",
+        ),
         (LEAST + "[check]\nsample = 'some'\n", "study.toml:5: check.sample"),
         (LEAST + "[clearing_times]\nwanted = true\nlongest = 99\n", "clearing_times.longest"),
         (LEAST + "[[contingency]]\nname = ''\nevents = []\n", "contingency"),
@@ -105,6 +143,49 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
 )
 def test_a_fault_is_named(tmp_path, text, said):
     assert said in faults(tmp_path, text).replace(str(tmp_path) + "/", "")
+
+
+def test_every_key_of_the_model_reaches_its_settings():
+    keys = {
+        "kind": "linear",
+        "retain_buses": "42,50-51",
+        "angle_deg": 30,
+        "whole_deg": 4,
+        "longest_above": 2,
+        "order": 60,
+        "slow_modes": 0.1,
+        "weights": "states",
+        "outputs": "states",
+        "coupling": "lagged",
+    }
+    model = parse_study({"model": keys}).model
+    assert model.settings(model.kind) == ModelSettings(
+        ModelKind.LINEAR,
+        RetainSettings(buses=(42, 50, 51)),
+        ReductionSettings(ReducerKind.BALANCED, None, 60, 0.1, Weights.STATES),
+        Outputs.STATES,
+        BoundaryCoupling.LAGGED,
+        30.0,
+        4.0,
+        2.0,
+    )
+    others = {"kind": "adaptive", "retain": 3, "tolerance": 0.01, "outputs": "polar"}
+    model = parse_study({"model": others}).model
+    settings = model.settings(model.kind)
+    assert settings.retain == RetainSettings(count=3)
+    assert settings.reduction.tolerance == 0.01
+    assert settings.ported
+
+
+@pytest.mark.parametrize("kind", ["detailed", "paper", "paper-whole", "hybrid", "projected"])
+def test_calibration_goes_with_the_models_of_the_paper(kind):
+    assert parse_study({"model": {"kind": kind, "calibrate": True}}).model.calibrate
+
+
+@pytest.mark.parametrize("kind", ["auto", "detailed", "linear", "retained", "adaptive", "whole"])
+def test_outputs_through_ports_may_be_said_of_every_model_that_may_have_them(kind):
+    model = parse_study({"model": {"kind": kind, "outputs": "polar"}}).model
+    assert model.settings(ModelKind.DETAILED).outputs is Outputs.POLAR
 
 
 def test_content_read_back_is_the_same_study(tmp_path):

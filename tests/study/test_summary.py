@@ -70,7 +70,13 @@ def test_seconds_of_each_model_add_up_to_the_run(smib):
     events = [gf.LoadStep(1, 0.5, 1.0), gf.LoadStep(1, 1.75, 1.0)]
     run = gf.simulate(smib, events, t_end=2.0)
     found = time_per_model(run, (Mode.DETAILED, Mode.HYBRID, Mode.LINEAR))
-    assert [found[f"{mode.value}_s"] for mode in Mode] == pytest.approx([0.5, 1.25, 0.25])
+    assert (found["detailed_s"], found["hybrid_s"], found["linear_s"]) == pytest.approx(
+        (0.5, 1.25, 0.25)
+    )
+    found = time_per_model(run, (Mode.WHOLE, Mode.RETAINED, Mode.WHOLE))
+    assert (found["retained_s"], found["linear_whole_s"]) == pytest.approx((1.25, 0.75))
+    assert found["detailed_s"] == found["wall_detailed_s"] == 0.0
+    assert set(found) < set(column_types())
 
 
 def test_every_figure_has_a_column_of_its_type(smib):

@@ -45,6 +45,14 @@ def test_radius_is_that_of_the_largest_eigenvalue(n):
     np.testing.assert_allclose(system.radius, expected, rtol=1e-2)
 
 
+def test_weights_of_the_first_inputs_leave_the_others_as_they_are():
+    system = random_descriptor(4, 12, 7, 5, 2)
+    weights = np.random.default_rng(1).normal(size=(3, 3))
+    plain, weighed = (s.transfer(POINTS) for s in (system, system.with_input_weights(weights)))
+    np.testing.assert_allclose(weighed[:, :, :3], plain[:, :, :3] @ weights, atol=1e-11)
+    np.testing.assert_allclose(weighed[:, :, 3:], plain[:, :, 3:], atol=1e-12)
+
+
 def test_an_eigenvalue_has_no_resolvent():
     integrator = DescriptorSystem(
         np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((0, 1)), np.zeros((0, 0)),

@@ -120,6 +120,9 @@ class ModelChoice:
             unused += given(self.external.reduction)
         if self.model is ModelKind.LINEAR:
             unused += given(self.external.retain)
+            settings = ModelSettings(self.model, **vars(self.boundary))
+            if self.switching.whole_deg is not None and not settings.ported:
+                unused.append("--whole-deg")
         if self.reduced is not None:
             chosen = ("--retain-buses", "--retain", "--weights")
             both = given(self.external.retain) + given(self.external.reduction)

@@ -37,9 +37,10 @@ class Outcome:
     budget: ErrorBudget | None = None
 
     def record(self) -> dict[str, Any]:
-        """What the JSON file says besides the run itself; nothing for the detailed model."""
+        """What the JSON file says besides the run itself; of the detailed model why no errors."""
+        no_comparison = {"comparison": None, "comparison_note": self.note}
         if self.switches is None:
-            return {}
+            return {} if self.note is None else no_comparison
         modes = [(switch.before, switch.after) for switch in self.switches]
         record: dict[str, Any] = {
             "reduction_seconds": self.reduction_seconds,
@@ -57,7 +58,7 @@ class Outcome:
             ]
         if self.detailed is None:
             return record
-        record |= {"comparison": None, "comparison_note": self.note}
+        record |= no_comparison
         if self.comparison is not None:
             record["comparison"] = {
                 "detailed_seconds": self.detailed.simulation_seconds,
@@ -98,7 +99,8 @@ class Disturbance:
         stepper, reason = self.method.stepper, self.method.reason
         rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
         if simulator.small is None:
-            return Outcome(replace(simulate(*rest), method_reason=reason))
+            note = "No comparison: the run itself is detailed." if comparing else None
+            return Outcome(replace(simulate(*rest), method_reason=reason), note=note)
         run = simulator.run(*rest)
         seconds = simulator.seconds + run.reduction_seconds
         trajectory = replace(run.trajectory, method_reason=reason)

@@ -24,6 +24,7 @@ from gridfold.equivalents.model_kind import (
     DWELL,
     LONGEST_ABOVE,
     PORTED,
+    PRINTED,
     WHOLE_DEG,
     ModelKind,
     Outputs,
@@ -41,6 +42,8 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple
 from gridfold.reduction import Reducer
 
+#: Models that have no form with states.
+_PORTS_ALONE = (ModelKind.AUTO, ModelKind.RETAINED, ModelKind.ADAPTIVE, ModelKind.WHOLE)
 #: What stands for the external area.
 Family = Ladder | ReducedExternal | WholeSystem
 
@@ -108,14 +111,22 @@ class ModelSettings:
         lagged = self.coupling is BoundaryCoupling.LAGGED
         if lagged and self.outputs is Outputs.POLAR:
             raise OptionError("the lagged coupling needs outputs 'states'")
-        switching = (*PORTED, ModelKind.AUTO)
-        if self.kind in switching and self.kind is not ModelKind.LINEAR and not self.ported:
+        states = lagged or self.outputs is Outputs.STATES
+        if self.kind in _PORTS_ALONE and states:
             what = "the lagged coupling" if lagged else "outputs 'states'"
             raise OptionError(f"{what} has no effect on the {self.kind.value} model")
-        if self.kind not in switching and self.outputs is Outputs.POLAR:
+        if self.kind in PRINTED and self.outputs is Outputs.POLAR:
             raise OptionError(
                 f"the {self.kind.value} model forms states: outputs 'polar' is not its"
             )
+        forms_states = self.kind in PRINTED or (self.kind in PORTED and states)
+        if forms_states and self.reduction.weights is Weights.INTERFACE:
+            raise OptionError(f"weights 'interface' have no effect on the {self._form}")
+
+    @property
+    def _form(self) -> str:
+        states = " with outputs 'states'" if self.kind in PORTED else ""
+        return f"{self.kind.value} model{states}"
 
     @property
     def ported(self) -> bool:
@@ -162,13 +173,15 @@ class ModelSettings:
         reducer = self.reduction.build(ported=True)
         weights = self.reduction.weights or Weights.INTERFACE
         swings = sample_swings(parts, stepper=stepper)
-        retained: set[UnitKey] = set()
-        if self.kind is not ModelKind.LINEAR:
-            retained = {item.unit for item in limited_units(parts, swings)}
-            retained |= set(self.retain.choose(parts, swings))
-        kept = tuple(unit for unit in parts.external_units if unit in retained)
-        ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), kept)
+        retained = () if self.kind is ModelKind.LINEAR else self.retained(parts, swings)
+        ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
         return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
+
+    def retained(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
+        """External machines that stay exact: those chosen, and those whose limits act."""
+        found = {item.unit for item in limited_units(parts, swings)}
+        found |= set(self.retain.choose(parts, swings))
+        return tuple(unit for unit in parts.external_units if unit in found)
 
     def of_areas(
         self,

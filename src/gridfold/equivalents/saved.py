@@ -119,7 +119,7 @@ def load_reduced(path: str | Path, model: DetailedModel) -> SavedReduction:
     _check_case(content, model, path)
     try:
         return _build(content, model)
-    except (OptionError, KeyError, TypeError, ValueError) as error:
+    except (OptionError, LookupError, TypeError, ValueError) as error:
         raise CaseFileError(f"the content does not fit together: {error}", str(path)) from None
 
 

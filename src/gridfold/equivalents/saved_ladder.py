@@ -67,7 +67,7 @@ def build_ladder(
 
     Raises
     ------
-    KeyError, TypeError, ValueError
+    LookupError, TypeError, ValueError
         Something is missing, or has another type, shape or range than it should.
     """
     parts = partition(model, header["study_buses"])
@@ -91,6 +91,9 @@ def _area(
     reducer: Reducer,
 ) -> FoldedArea:
     retained = tuple(UnitKey(int(bus), str(name)) for bus, name in record["retained"])
+    strange = set(retained) - set(parts.external_units)
+    if strange:
+        raise ValueError(f"{min(strange)} is retained and not in the external area")
     linear = [unit for unit in parts.external_units if unit not in set(retained)]
     ports = find_ports(parts.model, linear, parts.study_buses)
     lift, restrict, weights, swings, hankel = arrays
