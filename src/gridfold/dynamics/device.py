@@ -6,7 +6,7 @@ kernels over all its units at once. All kernels have one signature,
     kernel(x, u, p, y, dx)
 
 with matrices of shape (rows, units): states `x`, inputs `u`, parameters `p`, algebraic outputs `y`,
-derivatives `dx`. They are called in three stages:
+derivatives `dx`. A kernel indexes them by row and unit, ``x[ROW, i]``. They are called in three stages:
 
 1. ``source``      x, p       -> the first rows of y: the Norton current, and what is worth keeping;
 2. ``output``      x, u, p, y -> the other rows of y (the network voltages are known now);
@@ -34,6 +34,7 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from gridfold.numerics.compiled import compile_callback, invoke
+from gridfold.numerics.unit_matrix import ROLES, UnitMatrix, unit_matrix
 
 Matrix = NDArray[np.float64] | NDArray[np.complex128]
 Kernel = Callable[[Any, Any, Any, Any, Any], None]
@@ -196,15 +197,11 @@ class Device:
         return self.sources + self.outputs
 
 
-_REAL_MATRIX = types.float64[:, ::1]
-_COMPLEX_MATRIX = types.complex128[:, ::1]
-
-
 @cache
 def compiled_kernel(kernel: Kernel, complex_numbers: bool = False) -> Any:
     """The compiled form of a kernel; its ``address`` can be called from compiled code."""
-    matrix = _COMPLEX_MATRIX if complex_numbers else _REAL_MATRIX
-    return compile_callback(kernel, types.void(matrix, matrix, matrix, matrix, matrix))
+    number = types.complex128 if complex_numbers else types.float64
+    return compile_callback(kernel, types.void(*(UnitMatrix(number, role) for role in ROLES)))
 
 
 def run_kernel(
@@ -212,9 +209,19 @@ def run_kernel(
 ) -> None:
     """Run a kernel on complex matrices (rows, units); writes into `y` or `dx`."""
     if kernel is not None and x.shape[1] > 0:
-        _call(compiled_kernel(kernel, complex_numbers=True).address, x, u, p, y, dx)
+        address = compiled_kernel(kernel, complex_numbers=True).address
+        _call(address, x, u, p, y, dx)
 
 
 @njit(cache=True)
 def _call(address, x, u, p, y, dx):
-    invoke(address, (x, u, p, y, dx))
+    invoke(
+        address,
+        (
+            unit_matrix(x, 0, x.shape[0], x.shape[1]),
+            unit_matrix(u, 0, u.shape[0], u.shape[1]),
+            unit_matrix(p, 0, p.shape[0], p.shape[1]),
+            unit_matrix(y, 0, y.shape[0], y.shape[1]),
+            unit_matrix(dx, 0, dx.shape[0], dx.shape[1]),
+        ),
+    )

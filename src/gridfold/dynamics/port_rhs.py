@@ -42,26 +42,39 @@ from gridfold.dynamics.rhs import (
     solve_network,
 )
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.compiled import compile_callback, compiled_part
+from gridfold.numerics.compiled import compile_callback, compiled_part, matrix_view
+from gridfold.numerics.elementary import angle, exponential, logarithm, sine_cosine
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+from gridfold.numerics.unit_matrix import given_matrix, result_matrix, state_matrix
 
-# The header goes on behind that of the detailed model. Where the linear area's numbers stand follows
-# from its sizes: see `LinearPorts.reals`.
+# The header goes on behind that of the detailed model.
 (
     ORDER,
+    LENGTH,
     N_PAIRS,
     N_PORTS,
     PORTS_AT,
+    MIDDLE_AT,
+    SLOPES_AT,
     AREA_AT,
     PORT_WORK_AT,
+    AREA_WORK_AT,
+    LANES,
     N_ANGLES,
     ANGLES_AT,
     ANGLE_REFERENCE_AT,
     N_MOVERS,
     MOVERS_AT,
     MOVER_REALS_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 12)
-_PORT_HEADER = HEADER_SIZE + 12
+) = range(HEADER_SIZE, HEADER_SIZE + 17)
+_PORT_HEADER = HEADER_SIZE + 17
+# Vector instructions leave no rest where rows are filled up to multiples of these.
+_LANES, _ROW = 4, 16
+# Rows of the work space. Groups of four ports: logarithm and angle of the current, cosine, sine,
+# current (2) and later voltage (2), angle and logarithm of the voltage.
+# Area: its coordinates, the other coordinate of each pair, z'.
+_PORT_ROWS, _AREA_ROWS = 8, 3
+_GROUP = _PORT_ROWS * _LANES
 
 
 @dataclass(frozen=True)
@@ -134,15 +147,49 @@ class LinearPorts:
         return len(self.diagonal)
 
     @property
-    def reals(self) -> NDArray[np.float64]:
-        """All numbers in the order in which the compiled function reads them."""
-        inverse = 1 / self.voltage
-        return np.concatenate(
-            [
-                self.current.real, self.current.imag, inverse.real, inverse.imag, self.turned,
-                self.diagonal, self.offset, self.coupling, self.c.ravel(), self.b.T.ravel(),
-            ]
-        )  # fmt: skip
+    def middle(self) -> NDArray[np.float64]:
+        """For each port ln |J0|, arg J0, the phasor J0 / V0 without its size, and `turned`: (p, 6)."""
+        with np.errstate(divide="ignore"):
+            size = np.log(np.abs(self.current))
+        turn = np.angle(self.current)
+        phasor = np.exp(1j * (turn - np.angle(self.voltage)))
+        turned = self.turned.reshape(2, -1)
+        return np.stack([size, turn, phasor.real, phasor.imag, *turned], axis=1)
+
+    @property
+    def slopes(self) -> NDArray[np.float64]:
+        """C, both rows of each port after each other, filled up."""
+        return _filled(self.c[_by_port(len(self.current))])
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """Rows of diagonal, coupling, offset, then the columns of B port by port, filled up.
+
+        The compiled function takes angles against those of the currents J0, and the logarithms of
+        the voltages themselves; the offset knows it.
+        """
+        n_ports = len(self.current)
+        coupling = np.zeros(self.order)
+        coupling[self.order - 2 * len(self.coupling) :] = *self.coupling, *-self.coupling
+        zero = np.concatenate([np.angle(self.current), np.log(np.abs(self.voltage))])
+        columns = np.zeros((max(2 * (n_ports + n_ports % 2), 4), self.order))
+        columns[: 2 * n_ports] = self.b.T[_by_port(n_ports)]
+        return _filled(np.stack([self.diagonal, coupling, self.offset - self.b @ zero, *columns]))
+
+
+def _by_port(n_ports: int) -> NDArray[np.int64]:
+    """Positions of first and second quantity of each port."""
+    return np.arange(2 * n_ports).reshape(2, n_ports).T.ravel()
+
+
+def _up(size: int, step: int) -> int:
+    """The next multiple of `step`."""
+    return -(-size // step) * step
+
+
+def _filled(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows filled up with zeros."""
+    return np.pad(rows, ((0, 0), (0, _up(rows.shape[1], _ROW) - rows.shape[1])))
 
 
 def pack_port_rhs(
@@ -161,9 +208,14 @@ def pack_port_rhs(
     """
     data = pack_model(layout, constants, network, layout.blocks, units_out, _PORT_HEADER)
     header = data.header
-    header[[ORDER, N_PAIRS, N_PORTS]] = area.order, len(area.coupling), len(ports)
-    header[[PORTS_AT, AREA_AT]] = data.integers.add(ports), data.reals.add(area.reals)
+    length = _up(area.order, _ROW)
+    header[[ORDER, LENGTH, N_PAIRS]] = area.order, length, len(area.coupling)
+    header[[N_PORTS, PORTS_AT]] = len(ports), data.integers.add(ports)
+    header[MIDDLE_AT] = data.reals.add(area.middle)
+    header[[SLOPES_AT, AREA_AT]] = data.reals.add(area.slopes), data.reals.add(area.rows)
+    header[LANES] = _LANES  # read while running: a loop of known length would be unrolled instead
     header[PORT_WORK_AT] = data.work_size
+    header[AREA_WORK_AT] = data.work_size + max(_up(len(ports), _LANES), _LANES) * _PORT_ROWS
     header[[N_ANGLES, ANGLES_AT]] = len(angles[0]), data.integers.add(angles[0])
     header[ANGLE_REFERENCE_AT] = data.reals.add(angles[1])
     if area.movers is not None:
@@ -174,7 +226,7 @@ def pack_port_rhs(
         address=_compiled().address,
         integers=np.concatenate([header, data.integers.join()]),
         reals=data.reals.join(),
-        work_size=data.work_size + 4 * len(ports),
+        work_size=int(header[AREA_WORK_AT]) + _AREA_ROWS * length,
         n_states=layout.n_states + area.order,
     )
 
@@ -219,9 +271,9 @@ def _frame_angle(integers, reals, v):
 
 
 @compiled_part
-def _turn(pairs, n, angle):
+def _turn(pairs, n, by):
     """Turn n phasors, real parts before imaginary parts."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = np.cos(by), np.sin(by)
     for t in range(n):
         real, imag = pairs[t], pairs[n + t]
         pairs[t] = c * real - s * imag
@@ -229,78 +281,121 @@ def _turn(pairs, n, angle):
 
 
 @compiled_part
-def _solve_in_frame(integers, reals, work, angle):
-    """Solve the network in a frame that is turned by `angle`."""
+def _solve_in_frame(integers, reals, work, by):
+    """Solve the network in a frame that is turned by `by` (rad)."""
     n, at = integers[N_TERMINALS], integers[N_SIGNALS]
-    _turn(work[at : at + 2 * n], n, -angle)
-    _turn(work[at - 2 * n : at], n, -angle)
+    _turn(work[at : at + 2 * n], n, -by)
+    _turn(work[at - 2 * n : at], n, -by)
     solve_network(integers, reals, work)
-    _turn(work[at - 2 * n : at], n, angle)
+    _turn(work[at - 2 * n : at], n, by)
 
 
 @compiled_part
-def _add_port_currents(integers, reals, work, z, frame):
-    """Add the currents of the linear area, and keep logarithm and phasor of their change."""
-    order, n_ports, n_terminals = integers[ORDER], integers[N_PORTS], integers[N_TERMINALS]
-    at = integers[AREA_AT]
-    turned = at + 4 * n_ports
-    slopes = at + 6 * n_ports + 2 * order + integers[N_PAIRS]
-    kept = work[integers[PORT_WORK_AT] :]
-    currents = work[integers[N_SIGNALS] : integers[N_SIGNALS] + 2 * n_terminals]
-    for row in range(2 * n_ports):
-        total = -frame * reals[turned + row]
-        for k in range(order):
-            total += reals[slopes + row * order + k] * z[k]
-        kept[row] = total
+def _find_port_currents(integers, reals, work, z, frame):
+    """Logarithms and angles of the port currents; then the currents and their phasors."""
+    n_ports, length = integers[N_PORTS], integers[LENGTH]
+    states = matrix_view(work, integers[AREA_WORK_AT], _AREA_ROWS, length)
+    for k in range(integers[ORDER]):
+        states[0, k] = z[k]
+    middle = matrix_view(reals, integers[MIDDLE_AT], n_ports, 6)
+    slopes = matrix_view(reals, integers[SLOPES_AT], 2 * n_ports, length)
     for p in range(n_ports):
-        gain, turn = np.exp(kept[p]), kept[n_ports + p]
-        c, s = np.cos(turn), np.sin(turn)
-        kept[2 * n_ports + p], kept[3 * n_ports + p] = c, s
-        j_r, j_i = gain * reals[at + p], gain * reals[at + n_ports + p]
-        terminal = integers[integers[PORTS_AT] + p]
-        currents[terminal] += c * j_r - s * j_i
-        currents[n_terminals + terminal] += c * j_i + s * j_r
+        size = middle[p, 0] - frame * middle[p, 4]
+        turn = middle[p, 1] - frame * middle[p, 5]
+        for k in range(length):
+            size += slopes[2 * p, k] * states[0, k]
+            turn += slopes[2 * p + 1, k] * states[0, k]
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        rows[0, p % _LANES], rows[1, p % _LANES] = size, turn
+    for p in range(0, n_ports, _LANES):
+        _exponentiate(
+            matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES),
+            integers[LANES],
+        )
 
 
 @compiled_part
-def _port_inputs(integers, reals, work):
-    """Deviations of angle and logarithm of the port voltages, into the kept places.
+def _exponentiate(rows, lanes):
+    """Currents and their phasors from logarithms and angles."""
+    for p in range(lanes):
+        size, (s, c) = exponential(rows[0, p]), sine_cosine(rows[1, p])
+        rows[2, p], rows[3, p] = c, s
+        rows[4, p], rows[5, p] = size * c, size * s
+
+
+@compiled_part
+def _add_port_currents(integers, work):
+    """Add the currents of the linear area at its terminals."""
+    n_terminals, ports_at = integers[N_TERMINALS], integers[PORTS_AT]
+    currents = matrix_view(work, integers[N_SIGNALS], 2, n_terminals)
+    for p in range(integers[N_PORTS]):
+        terminal = integers[ports_at + p]
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        currents[0, terminal] += rows[4, p % _LANES]
+        currents[1, terminal] += rows[5, p % _LANES]
+
+
+@compiled_part
+def _find_inputs(integers, reals, work):
+    """Angles and logarithms of the port voltages.
 
     An angle is taken within half a turn of that of the port's own current.
     """
     n_ports, n_terminals = integers[N_PORTS], integers[N_TERMINALS]
-    at = integers[AREA_AT] + 2 * n_ports
-    voltages_at = integers[N_SIGNALS] - 2 * n_terminals
-    kept = work[integers[PORT_WORK_AT] :]
+    voltages = matrix_view(work, integers[N_SIGNALS] - 2 * n_terminals, 2, n_terminals)
+    middle = matrix_view(reals, integers[MIDDLE_AT], n_ports, 6)
     for p in range(n_ports):
         terminal = integers[integers[PORTS_AT] + p]
-        v_r, v_i = work[voltages_at + terminal], work[voltages_at + n_terminals + terminal]
-        w_r, w_i = reals[at + p], reals[at + n_ports + p]
-        d_r, d_i = v_r * w_r - v_i * w_i, v_r * w_i + v_i * w_r
-        c, s = kept[2 * n_ports + p], kept[3 * n_ports + p]
-        kept[p] = kept[n_ports + p] + np.arctan2(d_i * c - d_r * s, d_r * c + d_i * s)
-        kept[n_ports + p] = 0.5 * np.log(d_r * d_r + d_i * d_i)
+        v_r, v_i = voltages[0, terminal], voltages[1, terminal]
+        w_r, w_i = middle[p, 2], middle[p, 3]
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        rows[4, p % _LANES], rows[5, p % _LANES] = v_r * w_r - v_i * w_i, v_r * w_i + v_i * w_r
+    for p in range(n_ports, -(-n_ports // _LANES) * _LANES):
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        rows[4, p % _LANES] = 1.0
+    for p in range(0, n_ports, _LANES):
+        _take_logarithms(
+            matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES),
+            integers[LANES],
+        )
 
 
 @compiled_part
-def _move_area(integers, reals, work, z, dz):
-    """Set z' from the inputs."""
-    order, n_pairs, n_ports = integers[ORDER], integers[N_PAIRS], integers[N_PORTS]
-    diagonal = integers[AREA_AT] + 6 * n_ports
-    offset, coupling = diagonal + order, diagonal + 2 * order
-    columns = coupling + n_pairs + 2 * n_ports * order
-    du = work[integers[PORT_WORK_AT] :]
+def _take_logarithms(rows, lanes):
+    """Angles and logarithms of voltages, which stand where the currents were."""
+    for p in range(lanes):
+        c, s, v_r, v_i = rows[2, p], rows[3, p], rows[4, p], rows[5, p]
+        rows[6, p] = rows[1, p] + angle(v_i * c - v_r * s, v_r * c + v_i * s)
+        rows[7, p] = 0.5 * logarithm(v_r * v_r + v_i * v_i)
+
+
+@compiled_part
+def _move_area(integers, reals, work, dz):
+    """Set z' from the inputs, two ports at a time."""
+    order, length, n_pairs = integers[ORDER], integers[LENGTH], integers[N_PAIRS]
+    pairs = work[integers[AREA_WORK_AT] + order - 2 * n_pairs :]
+    seconds, of_firsts, of_seconds = pairs[n_pairs:], pairs[length:], pairs[length + n_pairs :]
+    for k in range(n_pairs):
+        of_firsts[k] = seconds[k]
+    for k in range(n_pairs):
+        of_seconds[k] = pairs[k]
+    states = state_matrix(work, integers[AREA_WORK_AT], 2, length)
+    rates = result_matrix(work, integers[AREA_WORK_AT] + 2 * length, 1, length)
+    m = given_matrix(reals, integers[AREA_AT], 7, length)
+    rows = matrix_view(work, integers[PORT_WORK_AT], _PORT_ROWS, _LANES)
+    u_0, u_1, u_2, u_3 = rows[6, 0], rows[7, 0], rows[6, 1], rows[7, 1]
+    for k in range(length):
+        own = m[0, k] * states[0, k] + m[1, k] * states[1, k] + m[2, k]
+        rates[0, k] = own + m[3, k] * u_0 + m[4, k] * u_1 + m[5, k] * u_2 + m[6, k] * u_3
+    for p in range(2, integers[N_PORTS], 2):
+        q = p % _LANES
+        rows = matrix_view(work, integers[PORT_WORK_AT] + p // _LANES * _GROUP, _PORT_ROWS, _LANES)
+        b = given_matrix(reals, integers[AREA_AT] + (3 + 2 * p) * length, 4, length)
+        u_0, u_1, u_2, u_3 = rows[6, q], rows[7, q], rows[6, q + 1], rows[7, q + 1]
+        for k in range(length):
+            rates[0, k] += b[0, k] * u_0 + b[1, k] * u_1 + b[2, k] * u_2 + b[3, k] * u_3
     for k in range(order):
-        dz[k] = reals[diagonal + k] * z[k] + reals[offset + k]
-    first = order - 2 * n_pairs
-    for k in range(n_pairs):
-        dz[first + k] += reals[coupling + k] * z[first + n_pairs + k]
-    for k in range(n_pairs):
-        dz[first + n_pairs + k] -= reals[coupling + k] * z[first + k]
-    for j in range(2 * n_ports):
-        u = du[j]
-        for k in range(order):
-            dz[k] += reals[columns + j * order + k] * u
+        dz[k] = rates[0, k]
 
 
 def _port_rhs(integers, reals, work, v, dv):
@@ -313,7 +408,8 @@ def _port_rhs(integers, reals, work, v, dv):
     run_calls(0, n_source, integers, reals, work, v, dv)
     add_source_currents(integers, work)
     frame = _frame_angle(integers, reals, v)
-    _add_port_currents(integers, reals, work, v[n:], frame)
+    _find_port_currents(integers, reals, work, v[n:], frame)
+    _add_port_currents(integers, work)
     if integers[N_ANGLES] > 0:
         _solve_in_frame(integers, reals, work, frame)
     else:
@@ -321,8 +417,8 @@ def _port_rhs(integers, reals, work, v, dv):
     run_calls(n_source, n_output, integers, reals, work, v, dv)
     run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, v, dv)
     freeze(integers, dv)
-    _port_inputs(integers, reals, work)
-    _move_area(integers, reals, work, v[n:], dv[n:])
+    _find_inputs(integers, reals, work)
+    _move_area(integers, reals, work, dv[n:])
     _add_powers(integers, reals, work, dv[n:])
 
 

@@ -20,6 +20,7 @@ from gridfold.dynamics.network.backend import CompiledNetwork
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import compile_callback, compiled_part, invoke, matrix_view
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+from gridfold.numerics.unit_matrix import unit_matrix
 
 # Header of the integers.
 (
@@ -225,26 +226,27 @@ def run_calls(first, count, integers, reals, work, x, dx):
     for c in range(first, first + count):
         at = integers[CALLS_AT] + c * CALL_COLUMNS
         units = integers[at + UNITS]
+        index = integers[integers[at + INPUT_INDEX_AT] :]
+        runs = integers[integers[at + INPUT_RUNS_AT] :]
         for row in range(integers[at + INPUT_ROWS]):
-            target = inputs_at + row * units
-            index_at = integers[at + INPUT_INDEX_AT] + row * units
-            first_slot = integers[index_at]
-            if integers[integers[at + INPUT_RUNS_AT] + row]:
+            slots, target = index[row * units :], work[inputs_at + row * units :]
+            if runs[row]:
+                values = work[slots[0] :]
                 for k in range(units):
-                    work[target + k] = work[first_slot + k]
+                    target[k] = values[k]
             else:
                 for k in range(units):
-                    work[target + k] = work[integers[index_at + k]]
+                    target[k] = work[slots[k]]
         invoke(
             integers[at + ADDRESS],
             (
-                matrix_view(x, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
-                matrix_view(work, inputs_at, integers[at + INPUT_ROWS], units),
-                matrix_view(
+                unit_matrix(x, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
+                unit_matrix(work, inputs_at, integers[at + INPUT_ROWS], units),
+                unit_matrix(
                     reals, integers[at + PARAMETERS_AT], integers[at + PARAMETER_ROWS], units
                 ),
-                matrix_view(work, integers[at + SIGNALS_AT], integers[at + SIGNAL_ROWS], units),
-                matrix_view(dx, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
+                unit_matrix(work, integers[at + SIGNALS_AT], integers[at + SIGNAL_ROWS], units),
+                unit_matrix(dx, integers[at + STATES_AT], integers[at + STATE_ROWS], units),
             ),
         )
 
@@ -252,15 +254,16 @@ def run_calls(first, count, integers, reals, work, x, dx):
 @compiled_part
 def add_source_currents(integers, work):
     """Add up the Norton currents at the terminals."""
-    n_terminals, n_signals = integers[N_TERMINALS], integers[N_SIGNALS]
-    currents = work[n_signals : n_signals + 2 * n_terminals]
+    n_terminals = integers[N_TERMINALS]
+    real = work[integers[N_SIGNALS] :]
+    imaginary = real[n_terminals:]
     for t in range(2 * n_terminals):
-        currents[t] = 0.0
-    for s in range(integers[N_SOURCES]):
-        at = integers[SOURCES_AT] + 3 * s
-        terminal = integers[at + 2]
-        currents[terminal] += work[integers[at]]
-        currents[n_terminals + terminal] += work[integers[at + 1]]
+        real[t] = 0.0
+    sources = matrix_view(integers, integers[SOURCES_AT], integers[N_SOURCES], 3)
+    for s in range(sources.shape[0]):
+        terminal = sources[s, 2]
+        real[terminal] += work[sources[s, 0]]
+        imaginary[terminal] += work[sources[s, 1]]
 
 
 @compiled_part
@@ -290,9 +293,9 @@ def solve_voltages(integers, reals, work):
 @compiled_part
 def load_constants(integers, reals, work):
     """Put the constants behind the states in the signal vector."""
-    n = integers[N_STATES]
+    constants, target = reals[integers[CONSTANTS_AT] :], work[integers[N_STATES] :]
     for i in range(integers[N_CONSTANTS]):
-        work[n + i] = reals[integers[CONSTANTS_AT] + i]
+        target[i] = constants[i]
 
 
 @compiled_part
