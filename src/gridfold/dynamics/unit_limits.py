@@ -48,6 +48,12 @@ class StateLimits:
         """How far the states `x`, (n_states,), are beyond their limits, negative inside."""
         return np.asarray(self.side * (x[self.index] - self.bound))
 
+    def held(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The states `x`, (n_states,), with those that are beyond a limit put at it."""
+        beyond, result = self.beyond(x) > 0, x.copy()
+        result[self.index[beyond]] = self.bound[beyond]
+        return result
+
     def only(self, names: Collection[str]) -> StateLimits:
         """Those that are among `names`."""
         chosen = np.array([name in names for name in self.names], dtype=bool)
