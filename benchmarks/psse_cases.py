@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from folded_rows import LADDER, LINEAR, RETAINED, error_texts, ready, shares
+from folded_rows import Candidate, Candidates, candidates, fault_table
 from report import ROOT, Section, Table, machine, one_thread, write
-from timing import interleave
 
 from gridfold import (
     BusFault,
@@ -26,16 +25,10 @@ from gridfold import (
     build_model,
     critical_clearing_time,
     partition,
-    simulate,
-    simulate_adaptive,
     small_signal,
     whole_system,
 )
 from gridfold import reduce as printed
-from gridfold.equivalents.adaptive import AdaptiveRun
-from gridfold.equivalents.choice import ModelSettings
-from gridfold.equivalents.folded import FoldedArea
-from gridfold.equivalents.model_kind import ModelKind
 from gridfold.grid.case import UnitKey
 from gridfold.partition import linearize_external
 from gridfold.runs.loading import load_psse
@@ -63,6 +56,7 @@ class Study:
     raw: str
     dyr: str
     bus: int
+    retained: int
     buses: tuple[int, ...] = ()
     drop: bool = False
 
@@ -87,52 +81,52 @@ class Study:
 
 
 STUDIES = (
-    Study("kundur", "kundur/kundur.raw", "kundur/kundur_full.dyr", bus=7),
+    Study("kundur", "kundur/kundur.raw", "kundur/kundur_full.dyr", bus=7, retained=1),
     Study(
         "ieee39",
         "ieee39/IEEE39.raw",
         "ieee39/IEEE39.dyr",
         bus=16,
+        retained=3,
         buses=(15, 16, 19, 20, 21, 22, 23, 24, 33, 34, 35, 36),
         drop=True,
     ),
-    Study("npcc_curent", "npcc/npcc_curent.raw", "npcc/npcc_curent.dyr", bus=23),
+    Study("npcc_curent", "npcc/npcc_curent.raw", "npcc/npcc_curent.dyr", bus=23, retained=5),
 )
-
-Choice = tuple[SmallModels, SwitchingRule]
 
 
 @dataclass(frozen=True)
 class Ready:
-    """A study with its model, its areas, its reduced models and the seconds of the ladder."""
+    """A study with its model, its areas and its reduced models."""
 
     study: Study
     model: DetailedModel
     parts: Partition
-    ladder: Ladder
-    models: dict[str, Choice]
-    seconds: float
+    found: Candidates
+
+    @property
+    def ladder(self) -> Ladder:
+        """The ladder."""
+        family = next(one.small.family for one in self.found.models if one.name == "ladder")
+        assert isinstance(family, Ladder)
+        return family
 
 
 def prepare(study: Study) -> Ready:
-    """Build and reduce; the ladder's areas are also used on their own."""
+    """Build and reduce; the printed models form the states of linear machines."""
     model = build_model(study.load())
     parts = partition(model, study.study_buses(model.case))
-    began = time.process_time()
-    ladder = ModelSettings(ModelKind.ADAPTIVE).build(parts)
-    assert isinstance(ladder, Ladder)
-    small = ready(ladder, parts)
-    seconds = time.process_time() - began
-    near, far = (ready(Ladder((area,)), parts) for area in ladder.areas)
-    models = {
-        "linear": (far, LINEAR),
-        "linear, limits ignored": (far, SwitchingRule(LINEAR.angle_deg, limits=False)),
-        "retained": (near, RETAINED),
-        "ladder": (small, LADDER),
-        "printed, adaptive": (SmallModels(printed(parts)), SwitchingRule(PARTITIONED_DEG)),
-        "printed, whole": (SmallModels(whole_system(parts)), SwitchingRule(WHOLE_DEG)),
-    }
-    return Ready(study, model, parts, ladder, models, seconds)
+    found = candidates(parts, study.retained, norms=False)
+    far = found.models[0]
+    ignored = SwitchingRule(far.rule.angle_deg, limits=False)
+    printed_small = SmallModels(printed(parts)), SmallModels(whole_system(parts))
+    models = (
+        *found.models,
+        replace(far, name="linear, limits ignored", rule=ignored),
+        Candidate("printed, adaptive", printed_small[0], SwitchingRule(PARTITIONED_DEG)),
+        Candidate("printed, whole", printed_small[1], SwitchingRule(WHOLE_DEG)),
+    )
+    return Ready(study, model, parts, replace(found, models=models))
 
 
 def faults(ready: Ready) -> tuple[BusFault, BusFault]:
@@ -150,8 +144,6 @@ def fact_table(all_ready: list[Ready]) -> Table:
         "machines of the study area": lambda r: str(len(r.parts.study_units)),
         "tie lines": lambda r: str(len(r.parts.tie_lines)),
         "external states": lambda r: str(len(r.parts.states_of(r.parts.external_units))),
-        "ports, retained / linear": lambda r: _pair(r, lambda area: len(area.ports.buses)),
-        "order, retained / linear": lambda r: _pair(r, lambda area: area.bases.order),
         "retained machines / external": lambda r: (
             f"{len(r.ladder.retained)} / {len(r.parts.external_units)}"
         ),
@@ -163,64 +155,20 @@ def fact_table(all_ready: list[Ready]) -> Table:
         "the same, external area alone": lambda r: (
             f"{linearize_external(r.parts).system.poles[0].real:.4f}"
         ),
-        "ms of the ladder off line": lambda r: f"{1000 * r.seconds:.0f}",
     }
     rows = [(name, *(fact(ready) for ready in all_ready)) for name, fact in facts.items()]
     return Table("The cases:", ("", *(ready.study.name for ready in all_ready)), rows)
-
-
-def _pair(found: Ready, figure: Callable[[FoldedArea], int]) -> str:
-    return " / ".join(str(figure(area)) for area in found.ladder.areas)
 
 
 def _names(units: tuple[UnitKey, ...]) -> str:
     return ", ".join(map(str, units)) or "none"
 
 
-def fault_rows(ready: Ready, fault: BusFault) -> Iterator[tuple[str, ...]]:
-    """Errors, time and use of the models for one fault."""
-    events, model = [fault], ready.model
-    where = f"{fault.duration:g} s"
-    detailed = simulate(model, events, T_END)
-    runs = {name: _run(model, choice, fault) for name, choice in ready.models.items()}
-    actions: dict[str, Callable[[], object]] = {"detailed": lambda: simulate(model, events, T_END)}
-    for name, choice in ready.models.items():
-        actions[name] = lambda choice=choice: _run(model, choice, fault)  # type: ignore[misc]
-    times = interleave(actions, REPETITIONS)
-    yield where, "detailed", "", "", times.scaled("detailed", 1e-3), "", ""
-    for name, run in runs.items():
-        yield (
-            where,
-            name,
-            *error_texts(detailed, run.trajectory, ready.parts.study_units),
-            times.scaled(name, 1e-3),
-            str(times.ratio(name, "detailed")),
-            shares(run.trajectory, run.modes),
-        )
-
-
-def _run(model: DetailedModel, choice: Choice, fault: BusFault) -> AdaptiveRun:
-    return simulate_adaptive(model, *choice, [fault], T_END)
-
-
 def error_table(ready: Ready) -> Table:
     """Both faults of one case."""
-    usual, longest = faults(ready)
-    rows = [*fault_rows(ready, usual), *fault_rows(ready, longest)]
-    heads = (
-        "cleared after",
-        "model",
-        "RMS, COI",
-        "RMS, unshifted",
-        "ms, min / median",
-        "/ detailed",
-        "models, %",
-    )
-    caption = (
-        f"{ready.study.name}, fault at bus {ready.study.bus}; errors of the worst study-area machine "
-        "in degrees:"
-    )
-    return Table(caption, heads, rows)
+    table = fault_table(ready.found, faults(ready), T_END, REPETITIONS)
+    caption = f"{ready.study.name}, fault at bus {ready.study.bus}; {table.caption}"
+    return replace(table, caption=caption)
 
 
 def measure() -> Section:
@@ -232,11 +180,10 @@ def measure() -> Section:
     remarks = (
         f"Runs of {T_END:g} s with the Runge-Kutta method and its step of 0.01 s. The fault of each "
         f"case is cleared after {USUAL:g} s and after the critical clearing time on a grid of "
-        f"{RESOLUTION:g} s. *linear*, *retained* and *ladder* are the models of these names with "
-        "their defaults: machines are retained whose column norm is 1 p.u. or more, or whose limits "
-        "act in sample swings. *printed*: as in the paper, with the states of linear machines formed; "
-        f"column norm 1 p.u. and angles of {PARTITIONED_DEG:g} (partitioned) and {WHOLE_DEG:g} degrees "
-        "(whole), not calibrated for these cases. *RMS*: root mean square of the rotor angle's error; "
+        f"{RESOLUTION:g} s. *linear*, *retained* and *ladder* are the models of these names, "
+        "machines of largest score retained as the table tells. *printed*: as in the paper, with the "
+        f"states of linear machines formed; column norm 1 p.u. and angles of {PARTITIONED_DEG:g} "
+        f"(partitioned) and {WHOLE_DEG:g} degrees (whole), not calibrated for these cases. *RMS*: root mean square of the rotor angle's error; "
         "*COI*: of the angle against the centre of inertia. *Limits ignored*: limits that are reached "
         "are told, but the run stays linear. *ladder* uses of the rungs those that are measured to be "
         "cheaper than the one above them. "
