@@ -184,9 +184,9 @@ def measure() -> Section:
         "machines of largest score retained as the table tells. *printed*: as in the paper, with the "
         f"states of linear machines formed; column norm 1 p.u. and angles of {PARTITIONED_DEG:g} "
         f"(partitioned) and {WHOLE_DEG:g} degrees (whole), not calibrated for these cases. *RMS*: "
-        "root mean square of the rotor angle's error; *COI*: of the angle against the centre of inertia. *Limits ignored*: limits that are reached "
-        "are told, but the run stays linear. *ladder* uses of the rungs those that are measured to be "
-        "cheaper than the one above them. "
+        "root mean square of the rotor angle's error; *COI*: of the angle against the centre of "
+        "inertia. *Limits ignored*: limits that are reached are told, but the run stays linear. "
+        "*ladder* uses of the rungs those that are measured to be cheaper than the one above them. "
         f"Took {spent:.0f} s.",
     )
     return Section("PSS/E cases", "psse_cases.py", tables, remarks)
