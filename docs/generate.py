@@ -21,7 +21,8 @@ from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
 from gridfold.equivalents.families import COLUMN_NORM
-from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE
+from gridfold.equivalents.folded import PORT_TOLERANCE
+from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
 from gridfold.study.study_file import json_schema
@@ -33,6 +34,8 @@ MADE_ELSEWHERE = {
     "cct": ("python benchmarks/clearing_times.py", 4),
     "reproduction": ("python benchmarks/reproduce_page.py", 2),
     "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
+    "retained_machines": ("python benchmarks/retained_machines.py", 2),
+    "low_rank": ("python benchmarks/low_rank.py", 3),
     "verdicts": ("python benchmarks/verdicts.py", 2),
     "peers": ("make bench-peers", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
@@ -109,10 +112,14 @@ _STUDY_DEFAULTS = {
     "study_area.buses": "built-in cases: area 1",
     "study_area.areas": "built-in cases: area 1",
     "study_area.zones": "built-in cases: area 1",
-    "model.column_norm": f"calibrated, else {COLUMN_NORM:g}",
+    "model.column_norm": f"calibrated, else {COLUMN_NORM:g}, unless machines are chosen otherwise",
     "model.angle_deg": "calibrated, else "
     + ", ".join(f"{angle:g} (`{kind.value}`)" for kind, angle in ANGLES_DEG.items()),
-    "model.tolerance": f"{TOLERANCE:g}".replace("e-0", "e-"),
+    "model.whole_deg": f"{WHOLE_DEG:g}",
+    "model.tolerance": f"{PORT_TOLERANCE:g}, as in the paper {TOLERANCE:g}".replace("e-0", "e-"),
+    "model.weights": "`interface`, as in the paper `states`",
+    "model.outputs": "`polar`, as in the paper `states`",
+    "model.coupling": "`exact`",
     "run.step": "by the method",
 }
 #: Columns of a study's table that are not figures.

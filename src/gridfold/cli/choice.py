@@ -120,6 +120,10 @@ class ModelChoice:
             unused += given(self.external.reduction)
         if self.model is ModelKind.LINEAR:
             unused += given(self.external.retain)
+        if self.reduced is not None:
+            chosen = ("--retain-buses", "--retain", "--weights")
+            both = given(self.external.retain) + given(self.external.reduction)
+            unused += [f"with --reduced {name}" for name in both if name in chosen]
         return unused
 
     def build(self, model: DetailedModel, source: str, work: Work, stepper: Stepper) -> Simulator:

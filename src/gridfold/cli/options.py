@@ -345,7 +345,7 @@ class SwitchingOptions:
     whole_deg: Annotated[
         float | None,
         _switching_option(
-            help="Angle deviation (deg) up to which the adaptive model is linear throughout.",
+            help="Angle deviation (deg) up to which adaptive and linear models are linear throughout.",
             show_default="10",
         ),
     ] = None
@@ -362,5 +362,7 @@ class SwitchingOptions:
         if kind in (ModelKind.ADAPTIVE, ModelKind.AUTO):
             return []
         names = given(self)
+        if kind is ModelKind.LINEAR:
+            return [name for name in names if name != "--whole-deg"]
         switches = (ModelKind.WHOLE, ModelKind.PAPER, ModelKind.PAPER_WHOLE)
         return [name for name in names if name == "--whole-deg" or kind not in switches]

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.angle_watches import Deviation, deviation_rows, watched_segment
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import (
     LinearLimits,
@@ -201,15 +200,39 @@ class AdaptivePlan:
         if limits is not None and limits.held.names and self.rule.limits:
             end = min(end, round(time + LIMIT_DWELL, 9))
         end = min(end, max(choice.until, time + _INSTANT))
-        self._log(time, mode, reason, small, x, model, bool(reached) is not self.at_limit)
+        self._log(time, mode, reason, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
         self.models.append(model)
         self.modes.append(mode)
         self.limits.append(limits)
-        label = f"{stage.label} ({mode.value})"
-        switches = self._deviation_watches(model, choice)
-        further = self._limit_watch(limits)
-        return watched_segment(model, small, end, label, switches, self.criterion, further)
+        return self._segment(model, small, mode, end, stage, choice, limits)
+
+    def _segment(
+        self,
+        model: DetailedModel,
+        small: SmallModel | None,
+        mode: Mode,
+        end: float,
+        stage: Stage,
+        choice: Choice,
+        limits: LinearLimits | None,
+    ) -> Segment:
+        """A segment with its watches, in the coordinates of its system."""
+        watches = self.small.watches(model, mode)
+        stops = () if self.criterion is None else (watches.stop(self.criterion),)
+        switches = [
+            watches.deviation(limit, inside)
+            for limit, inside in ((choice.outside, False), (choice.inside, True))
+            if 0 < limit < np.inf
+        ]
+        return Segment(
+            model if small is None else small.system,
+            end,
+            f"{stage.label} ({mode.value})",
+            stops,
+            (*switches, *self._limit_watch(limits)),
+            None if small is None else small.coordinates,
+        )
 
     def notices(self, pieces: Sequence[Piece]) -> list[Notice]:
         """New operating points, limits that act at them, and those that small models passed."""
@@ -264,8 +287,7 @@ class AdaptivePlan:
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, "there is no equilibrium to linearize about")
-        deviation = np.rad2deg(np.abs(deviation_rows(model, family) @ (x - family.origin)))
-        worst = float(deviation.max(initial=0.0))
+        worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = self._waiting(time, bands, level) or _in_band(bands[level], worst)
@@ -317,25 +339,11 @@ class AdaptivePlan:
             "the operating point, nothing is rebuilt"
         )
 
-    def _deviation_watches(self, model: DetailedModel, choice: Choice) -> list[Deviation]:
-        """Conditions that end the segment: a deviation above the band, or all of them below it."""
-        family = self.small.family_for(model)
-        if family is None:
-            return []
-        rows = deviation_rows(model, family)
-        offset = -rows @ family.origin
-        return [
-            Deviation(rows, offset, float(np.deg2rad(limit)), inside)
-            for limit, inside in ((choice.outside, False), (choice.inside, True))
-            if 0 < limit < np.inf
-        ]
-
     def _log(
         self,
         time: float,
         mode: Mode,
         reason: str,
-        small: SmallModel | None,
         x: NDArray[np.float64],
         model: DetailedModel,
         other_cause: bool,
@@ -343,11 +351,7 @@ class AdaptivePlan:
         before = self.switches[-1].after if self.switches else None
         if before is mode and not other_cause and "nothing is rebuilt" not in reason:
             return
-        jump = 0.0
-        if small is not None:
-            angles = model.slots("rotor_angle", model.machines)
-            again = small.coordinates.lift(small.coordinates.restrict(x))
-            jump = float(np.rad2deg(np.abs((again - x)[angles]).max(initial=0.0)))
+        jump = self.small.watches(model, mode).jump(x)
         self.switches.append(Switch(time, before, mode, reason, jump))
 
 
@@ -369,10 +373,12 @@ def simulate_adaptive(
     model : DetailedModel
         The whole system.
     family : ModelFamily or SmallModels
-        From :func:`reduce_external` or :func:`whole_system`; a :class:`SmallModels` keeps what it
+        From :func:`gridfold.fold`, a :class:`gridfold.Ladder`, or the paper's from
+        :func:`gridfold.reduce` or :func:`gridfold.whole_system`; a :class:`SmallModels` keeps what it
         builds for further runs.
     rule : SwitchingRule
-        Thresholds; 0 degrees gives the hybrid and infinity the linear model all the time.
+        Thresholds; 0 degrees gives the most exact small model and infinity the next one all the
+        time.
     events, t_end, stepper, criterion, store
         As in :func:`gridfold.simulate`.
     """

@@ -2,86 +2,111 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import ModelFamily, SmallModel
+from gridfold.grid.case import UnitKey
 from gridfold.numerics.watch import BandWatch, Watch
 from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
-from gridfold.simulation.segment import Segment
 
 
-def deviation_rows(model: DetailedModel, family: ModelFamily) -> NDArray[np.float64]:
-    """Rows that give each study machine's rotor angle against the reference machine."""
-    units = [unit for unit in family.study_units if unit in model.machines]
-    units = [unit for unit in units if unit not in model.state.units_out]
-    rows = np.zeros((len(units), model.n_states))
-    rows[np.arange(len(units)), model.slots("rotor_angle", tuple(units))] = 1.0
-    rows[:, model.slots("rotor_angle", (family.reference_unit,))] -= 1.0
-    return rows
+class AngleWatches:
+    """Watches on the rotor angles in one model of a family, in one network state; each is made once.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The whole system in the network state.
+    family : ModelFamily or None
+        The family about its operating point; None where there is none.
+    small : SmallModel or None
+        The small model; None for the detailed one.
+    """
+
+    def __init__(
+        self, model: DetailedModel, family: ModelFamily | None, small: SmallModel | None
+    ) -> None:
+        units = () if family is None else _study_machines(model, family)
+        self._n_states, self._small = model.n_states, small
+        self._angles = model.slots("rotor_angle", units)
+        self._every = model.slots("rotor_angle", model.machines)
+        self._reference = -1
+        self._start = np.zeros(len(units))
+        if family is not None:
+            self._reference = int(model.slots("rotor_angle", (family.reference_unit,))[0])
+            self._start = family.origin[self._angles] - family.origin[self._reference]
+        self._frame = angle_frame(model)
+        self._stops: dict[SynchronismCriterion, Watch] = {}
+        self._bands: dict[tuple[float, bool], Watch] = {}
+
+    def largest_deviation(self, x: NDArray[np.float64]) -> float:
+        """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""
+        apart = x[self._angles] - x[self._reference] - self._start
+        return float(np.rad2deg(np.abs(apart).max(initial=0.0)))
+
+    def jump(self, x: NDArray[np.float64]) -> float:
+        """Largest change of a rotor angle in degrees when the small model takes over at `x`."""
+        if self._small is None:
+            return 0.0
+        coordinates = self._small.coordinates
+        again = coordinates.lift(coordinates.restrict(x))
+        return float(np.rad2deg(np.abs((again - x)[self._every]).max(initial=0.0)))
+
+    def stop(self, criterion: SynchronismCriterion) -> Watch:
+        """The watch that ends a run."""
+        if criterion not in self._stops:
+            limit = float(np.deg2rad(criterion.limit_deg))
+            if self._small is None:
+                self._stops[criterion] = criterion.watch_frame(self._frame)
+            else:
+                self._stops[criterion] = self._band(*self._distances(), limit, inside=False)
+        return self._stops[criterion]
+
+    def deviation(self, limit_deg: float, inside: bool) -> Watch:
+        """Holds when a deviation is beyond the limit, or with `inside` when all are within it."""
+        key = limit_deg, inside
+        if key not in self._bands:
+            rows = np.zeros((len(self._angles), self._n_states))
+            rows[np.arange(len(rows)), self._angles] = 1.0
+            rows[:, self._reference] -= 1.0
+            limit = float(np.deg2rad(limit_deg))
+            self._bands[key] = self._band(rows, -self._start, limit, inside)
+        return self._bands[key]
+
+    def _distances(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distances from the island's reference as rows and offsets over the whole's states."""
+        frame = self._frame
+        rows = np.zeros((len(frame.units), self._n_states))
+        offset = np.zeros(len(frame.units))
+        rows[np.arange(len(frame.units)), frame.slots] = 1.0
+        for island, fixed in enumerate(frame.fixed):
+            members = np.flatnonzero(frame.island == island)
+            if np.isnan(fixed):
+                weights = frame.inertia[members] / frame.inertia[members].sum()
+                rows[np.ix_(members, frame.slots[members])] -= weights
+            else:
+                offset[members] -= fixed
+        return rows, offset
+
+    def _band(
+        self,
+        rows: NDArray[np.float64],
+        offset: NDArray[np.float64],
+        limit: float,
+        inside: bool,
+    ) -> BandWatch:
+        """A band over the whole's states, in the coordinates of the small model."""
+        if self._small is None:
+            return BandWatch(rows, offset, limit, inside)
+        origin, slopes = self._small.affine
+        used = np.flatnonzero(rows.any(axis=0))
+        matrix = rows[:, used] @ slopes[:, used].T
+        return BandWatch(matrix, rows @ origin + offset, limit, inside)
 
 
-class Deviation(NamedTuple):
-    """A condition on the deviations rows @ x + offset (rad): one beyond the limit, or all inside."""
-
-    rows: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    limit: float
-    inside: bool
-
-
-def watched_segment(
-    model: DetailedModel,
-    small: SmallModel | None,
-    end: float,
-    label: str,
-    deviations: Sequence[Deviation],
-    criterion: SynchronismCriterion | None,
-    further: Sequence[Watch] = (),
-) -> Segment:
-    """A segment with its watches, in the coordinates of its system; `further` ones switch, too."""
-    if small is None:
-        stops = () if criterion is None else (criterion.watch(model),)
-        return Segment(model, end, label, stops, tuple(BandWatch(*each) for each in deviations))
-    stop_watches: tuple[BandWatch, ...] = ()
-    if criterion is not None:
-        rows, offset = _spread_rows(model)
-        limit = float(np.deg2rad(criterion.limit_deg))
-        stop_watches = (_band(small, rows, offset, limit, inside=False),)
-    switches = tuple(_band(small, *each) for each in deviations)
-    every = (*switches, *further)
-    return Segment(small.system, end, label, stop_watches, every, small.coordinates)
-
-
-def _spread_rows(model: DetailedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distances from the island's reference as rows and offsets over the whole system's states."""
-    frame = angle_frame(model)
-    rows = np.zeros((len(frame.units), model.n_states))
-    offset = np.zeros(len(frame.units))
-    rows[np.arange(len(frame.units)), frame.slots] = 1.0
-    for island, fixed in enumerate(frame.fixed):
-        members = np.flatnonzero(frame.island == island)
-        if np.isnan(fixed):
-            weights = frame.inertia[members] / frame.inertia[members].sum()
-            rows[np.ix_(members, frame.slots[members])] -= weights
-        else:
-            offset[members] -= fixed
-    return rows, offset
-
-
-def _band(
-    small: SmallModel,
-    rows: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    limit: float,
-    inside: bool,
-) -> BandWatch:
-    """A band over the whole system's states as one over the small system's."""
-    origin, slopes = small.affine
-    used = np.flatnonzero(rows.any(axis=0))
-    matrix = rows[:, used] @ slopes[:, used].T
-    return BandWatch(matrix, rows @ origin + offset, limit, inside)
+def _study_machines(model: DetailedModel, family: ModelFamily) -> tuple[UnitKey, ...]:
+    """Machines of the study area that are in service."""
+    machines = set(model.machines) - model.state.units_out
+    return tuple(unit for unit in family.study_units if unit in machines)

@@ -107,10 +107,11 @@ class ModelSettings:
         lagged = self.coupling is BoundaryCoupling.LAGGED
         if lagged and self.outputs is Outputs.POLAR:
             raise OptionError("the lagged coupling needs outputs 'states'")
-        if self.kind in PORTED and self.kind is not ModelKind.LINEAR and not self.ported:
+        switching = (*PORTED, ModelKind.AUTO)
+        if self.kind in switching and self.kind is not ModelKind.LINEAR and not self.ported:
             what = "the lagged coupling" if lagged else "outputs 'states'"
             raise OptionError(f"{what} has no effect on the {self.kind.value} model")
-        if self.kind not in PORTED and self.outputs is Outputs.POLAR:
+        if self.kind not in switching and self.outputs is Outputs.POLAR:
             raise OptionError(
                 f"the {self.kind.value} model forms states: outputs 'polar' is not its"
             )
@@ -119,7 +120,7 @@ class ModelSettings:
     def ported(self) -> bool:
         """Whether linear machines act through ports."""
         states = self.outputs is Outputs.STATES or self.coupling is BoundaryCoupling.LAGGED
-        return self.kind in PORTED and not states
+        return self.kind in (*PORTED, ModelKind.AUTO) and not states
 
     @property
     def norm(self) -> float:
@@ -131,20 +132,21 @@ class ModelSettings:
     def rule(self) -> SwitchingRule:
         """When which model is used."""
         if self.kind is ModelKind.LINEAR:
-            return SwitchingRule(inf)
+            return SwitchingRule(self._whole_deg if self.ported else inf, longest_above=inf)
         if self.kind is ModelKind.RETAINED:
             return SwitchingRule(0.0, longest_above=inf)
         if self.kind not in ANGLES_DEG:
             return SwitchingRule(0.0)
         angle, longest = self.angle_deg, self.longest_above
-        whole = 0.0
-        if self.kind is ModelKind.ADAPTIVE:
-            whole = WHOLE_DEG if self.whole_deg is None else self.whole_deg
         return SwitchingRule(
             ANGLES_DEG[self.kind] if angle is None else angle,
             LONGEST_ABOVE if longest is None else longest,
-            whole_deg=whole,
+            whole_deg=self._whole_deg if self.kind is ModelKind.ADAPTIVE else 0.0,
         )
+
+    @property
+    def _whole_deg(self) -> float:
+        return WHOLE_DEG if self.whole_deg is None else self.whole_deg
 
     def build(self, parts: Partition, stepper: Stepper | None = None) -> Family:
         """The models between which the rule switches, for runs with `stepper`.
@@ -171,9 +173,9 @@ class ModelSettings:
     ) -> Ladder:
         """The ladder of this model from areas `folded` with the machines that are retained."""
         near = folded(retained)
-        if self.kind in (ModelKind.LINEAR, ModelKind.RETAINED):
+        if self.kind is ModelKind.RETAINED:
             return Ladder((near,))
-        if self.kind is ModelKind.WHOLE:
+        if self.kind in (ModelKind.LINEAR, ModelKind.WHOLE):
             return Ladder((near,), whole=True)
         return Ladder((near, folded(()) if retained else near), whole=True)
 
@@ -235,8 +237,8 @@ class ModelSettings:
             record |= {
                 name: _finite(getattr(rule, name)) for name in ("angle_deg", "longest_above")
             }
-        if self.kind is ModelKind.ADAPTIVE:
-            record["whole_deg"] = rule.whole_deg
+        if self.kind is ModelKind.ADAPTIVE or (self.kind is ModelKind.LINEAR and self.ported):
+            record["whole_deg"] = self._whole_deg
         if isinstance(family, ReducedExternal):
             record |= {
                 "coupling": family.boundary.value,

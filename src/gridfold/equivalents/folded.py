@@ -209,7 +209,8 @@ class FoldedArea:
         if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
             known = replace(self, how=f"linearized anew; {told}")
         else:
-            bases = _bases(self.reducer, area, model, self.bases.weights, self.bases.input_weights)
+            old = self.bases
+            bases = _bases(self.reducer, area, model, point.x, old.weights, old.input_weights)
             known = replace(self, bases=bases, how=f"reduced anew: {told}")
         return _projected(known, area, model, point)
 
@@ -291,7 +292,7 @@ def fold(
     by_ports = np.zeros((0, 0))
     if weights is Weights.INTERFACE:
         by_ports = port_swings(area, parts, sample_swings(parts) if swings is None else swings)
-    bases = _bases(chosen, area, parts.model, at_ports, by_ports)
+    bases = _bases(chosen, area, parts.model, point.x, at_ports, by_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -313,12 +314,14 @@ def _bases(
     reducer: Reducer,
     area: PortArea,
     model: DetailedModel,
+    x: NDArray[np.float64],
     weights: NDArray[np.float64],
     input_weights: NDArray[np.float64],
 ) -> Bases:
-    """Bases by which `reducer` truncates the area; the common turn of all angles stays exact.
+    """Bases by which `reducer` truncates the area about the state `x` of `model`.
 
-    Without input weights, (0, 0), all states count alike.
+    The common turn of all angles stays exact, but for reducers that are not balanced. Without input
+    weights, (0, 0), all states count alike.
     """
     reference = area.x0
     if input_weights.size:
@@ -342,7 +345,7 @@ def _bases(
         )
     small = system.n <= DENSE_UP_TO
     found = reducer.reduce(
-        system.dense() if small else system, reference, _exact(reducer, area, model)
+        system.dense() if small else system, reference, _exact(reducer, area, model, x)
     )
     maps, values = found.state_map, found.hankel_values
     assert values is not None
@@ -373,13 +376,13 @@ def _miss(bases: Bases, area: PortArea) -> float:
 
 
 def _exact(
-    reducer: BalancedTruncation, area: PortArea, model: DetailedModel
+    reducer: BalancedTruncation, area: PortArea, model: DetailedModel, x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """States that stay exact: the common turn and, if wanted, slow modes of the whole grid."""
     if reducer.slow_modes is None:
         return area.turn
-    smooth = touched_held(model, model.x0, area.ports.units)
-    _, vectors = slow_modes(grid_descriptor(smooth, model.x0), reducer.slow_modes)
+    smooth = touched_held(model, x, area.ports.units)
+    _, vectors = slow_modes(grid_descriptor(smooth, x), reducer.slow_modes)
     inside = vectors[area.state_index]
     return np.hstack([area.turn, inside.real, inside.imag])
 

@@ -112,10 +112,14 @@ class Ladder:
     def measured(self, stepper: Stepper | None = None) -> Ladder:
         """The same with what a step of each rung takes on this machine, by Runge-Kutta if not told."""
         model, rule = self.parts.model, RungeKutta4() if stepper is None else stepper
-        spent = {Mode.DETAILED: step_seconds(model, model.x0, rule)}
+        models: dict[Mode, tuple[System, NDArray[np.float64]]] = {Mode.DETAILED: (model, model.x0)}
         for rung in self.rungs:
             small = self.build(rung, model)
-            spent[rung] = step_seconds(small.system, small.coordinates.restrict(model.x0), rule)
+            models[rung] = small.system, small.coordinates.restrict(model.x0)
+        spent = dict.fromkeys(models, np.inf)
+        for _ in range(_TIMES):  # in turn, so that a busy moment is not taken for a slow rung
+            for rung, (system, start) in models.items():
+                spent[rung] = min(spent[rung], step_seconds(system, start, rule))
         return replace(self, step_seconds=spent)
 
     def _area(self, mode: Mode) -> FoldedArea:
@@ -124,10 +128,7 @@ class Ladder:
 
 
 def step_seconds(system: System, start: NDArray[np.float64], stepper: Stepper) -> float:
-    """Seconds that one step of a run with `system` takes, the fastest of some tries."""
-    spent = []
-    for _ in range(_TIMES):
-        began = clock.perf_counter()
-        run_segments([Segment(system, _STEPS * stepper.step)], start, stepper)
-        spent.append((clock.perf_counter() - began) / _STEPS)
-    return min(spent)
+    """CPU seconds of this thread that one step of a run with `system` takes."""
+    began = clock.thread_time()
+    run_segments([Segment(system, _STEPS * stepper.step)], start, stepper)
+    return (clock.thread_time() - began) / _STEPS

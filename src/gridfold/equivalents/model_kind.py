@@ -12,10 +12,11 @@ class ModelKind(Enum):
     """Which model is simulated.
 
     AUTO: the detailed one, or the ladder where that is predicted to be cheaper. LINEAR: study area
-    exact, the rest linear. RETAINED: machines near the boundary exact, too. ADAPTIVE: the ladder of
-    detailed, retained, linear, and linear throughout. WHOLE: the same without the linear external
-    area. PAPER and PAPER_WHOLE: as printed by Osipov & Sun, equations (14)-(15) and (16)-(17); HYBRID
-    and PROJECTED: their upper model all the time, with the near or with all functions nonlinear.
+    exact and the rest linear; everything linear while angles are near the operating point. RETAINED:
+    machines near the boundary exact, too. ADAPTIVE: the ladder of detailed, retained, linear, and
+    linear throughout. WHOLE: the same without the linear external area. PAPER and PAPER_WHOLE: as
+    printed by Osipov & Sun, equations (14)-(15) and (16)-(17); HYBRID and PROJECTED: their upper model
+    all the time, with the near or with all functions nonlinear.
     """
 
     AUTO = "auto"
@@ -93,7 +94,7 @@ ANGLES_DEG = {
     ModelKind.PAPER: 67.0,
     ModelKind.PAPER_WHOLE: 6.0,
 }
-#: Angle deviation in degrees up to which the ladder is linear throughout.
+#: Angle deviation in degrees up to which everything is linear, in the ladder and the linear model.
 WHOLE_DEG = 10.0
 #: Time (s) above the threshold after which the operating point is looked for anew.
 LONGEST_ABOVE = 5.0

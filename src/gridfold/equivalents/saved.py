@@ -63,7 +63,7 @@ def save_reduced(
     path : str or Path
         The file, by custom ``NAME.npz``.
     family : Ladder or ReducedExternal
-        From :func:`gridfold.ladder` or :func:`gridfold.reduce`.
+        A :class:`gridfold.Ladder`, or what :func:`gridfold.reduce` gives.
     column_norm : float
         With the latter, the threshold in p.u. that was given there.
 

@@ -11,6 +11,7 @@ from threading import Lock, RLock, local
 
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.angle_watches import AngleWatches
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import LinearLimits, linear_limits
 from gridfold.errors import InitializationError, OptionError
@@ -32,6 +33,7 @@ class _Known:
     family: ModelFamily | None = None
     models: dict[tuple[NetworkState, Mode], SmallModel] = field(default_factory=dict)
     limits: dict[tuple[NetworkState, Mode], LinearLimits | None] = field(default_factory=dict)
+    watches: dict[tuple[NetworkState, Mode], AngleWatches] = field(default_factory=dict)
     lock: RLock = field(default_factory=RLock)
 
 
@@ -87,6 +89,21 @@ class SmallModels:
                     found = linear_limits(model, small, family.origin, held)
                     known.limits[key] = found
         return known.limits[key]
+
+    def watches(self, model: DetailedModel, mode: Mode) -> AngleWatches:
+        """Watches on the rotor angles in the model `mode`, in the network state of `model`.
+
+        Those of a network with a fault are used once, and not kept.
+        """
+        known, key = self._topology(model), (model.state, mode)
+        found = known.watches.get(key)
+        if found is None:
+            family = None if model.state.faulted else self._family(model, known)
+            small = None if mode is Mode.DETAILED else self._small(model, mode, known)
+            found = AngleWatches(model, family, small)
+            if not model.state.faulted:
+                known.watches[key] = found
+        return found
 
     def _family(self, model: DetailedModel, known: _Known) -> ModelFamily | None:
         if not known.complete:

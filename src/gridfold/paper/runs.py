@@ -141,7 +141,8 @@ class CaseStudy:
         family, angle = self._models(kind)
         if angle is None:
             raise OptionError(f"there is no angle threshold for the run {kind.value}")
-        linear_to = WHOLE_DEG if kind is SmallRun.ADAPTIVE_PARTITIONED else 0.0
+        ladders = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED)
+        linear_to = WHOLE_DEG if kind in ladders else 0.0
         rule = SwitchingRule(float(angle), whole_deg=linear_to)
         return simulate_adaptive(
             self.model, family, rule, events, published.T_END, store=self.store

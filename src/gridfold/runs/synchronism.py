@@ -37,7 +37,10 @@ class SynchronismCriterion:
 
     def watch(self, model: DetailedModel) -> SpreadWatch:
         """The watch for the network state of `model`."""
-        frame = angle_frame(model)
+        return self.watch_frame(angle_frame(model))
+
+    def watch_frame(self, frame: AngleFrame) -> SpreadWatch:
+        """The same where machines and their references are known."""
         return SpreadWatch(
             frame.slots, frame.island, frame.inertia, frame.fixed, np.deg2rad(self.limit_deg)
         )
