@@ -35,7 +35,6 @@ MADE_ELSEWHERE = {
     "reproduction": ("python benchmarks/reproduce_page.py", 2),
     "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
     "retained_machines": ("python benchmarks/retained_machines.py", 2),
-    "low_rank": ("python benchmarks/low_rank.py", 3),
     "verdicts": ("python benchmarks/verdicts.py", 2),
     "peers": ("make bench-peers", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
