@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import (
     COLUMN_NORM,
     Mode,
@@ -16,7 +17,7 @@ from gridfold.equivalents.families import (
     reduce_external,
     whole_system,
 )
-from gridfold.equivalents.folded import PORT_TOLERANCE, FoldedArea, fold
+from gridfold.equivalents.folded import FoldedArea, fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
 from gridfold.equivalents.model_kind import (
