@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chain import OFFSET, chain
-from folded_rows import ANGLE_DEG, WHOLE_DEG, candidates, fault_table, score_table, steps
+from folded_rows import ANGLE_DEG, WHOLE_DEG, candidates, fault_table, score_table, steps, warm_up
 from report import Section, Table, machine, one_thread, write
 
 from gridfold import BusFault, build_model, load_case, partition
@@ -68,6 +68,7 @@ def step_table(chains: Mapping[int, Measured]) -> Table:
 
 def measure() -> Section:
     """Measure every chain."""
+    warm_up()
     chains: dict[int, Measured] = {}
     for copies, t_end in CHAINS.items():
         chains[copies] = measure_chain(copies, t_end)
