@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser lint docs bench bench-peers bench-polish clean
+.PHONY: demo test test-browser lint docs bench bench-peers bench-polish bench-low-rank bench-auto clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -38,6 +38,14 @@ bench-peers: $(VENV)/.dev $(PEERS)/.ready
 # Reduced models of a grid of 327 machines, from the cases that GRIDFOLD_CASES names.
 bench-polish: $(VENV)/.dev
 	$(BIN)/python benchmarks/polish.py
+
+# External areas of up to 27,000 states reduced by sparse factors; the Polish grid as above.
+bench-low-rank: $(VENV)/.dev
+	$(BIN)/python benchmarks/low_rank.py
+
+# Studies with the default model, from the cases that GRIDFOLD_CASES names.
+bench-auto: $(VENV)/.dev
+	$(BIN)/python benchmarks/auto_studies.py
 
 clean:
 	rm -rf $(VENV) $(PEERS) build docs/_build docs/_generated gridfold-demo

@@ -26,7 +26,8 @@ from gridfold import (
     simulate_adaptive,
 )
 from gridfold.equivalents.folded import PORT_TOLERANCE, fold
-from gridfold.equivalents.ranking import FAULT_SECONDS, Ranking, rank_retained
+from gridfold.equivalents.ranking import Ranking, rank_retained
+from gridfold.equivalents.swings import FAULT_SECONDS
 from gridfold.runs.simulate import ModelStore
 
 T_END = 16.0

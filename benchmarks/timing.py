@@ -24,7 +24,7 @@ Action = Callable[[], object]
 
 @dataclass(frozen=True)
 class Timings:
-    """Seconds of several actions, (n_actions, n_repetitions); one column is one round of all."""
+    """CPU seconds of several actions, (n_actions, n_repetitions); a column is one round of all."""
 
     names: tuple[str, ...]
     seconds: NDArray[np.float64]
@@ -63,15 +63,15 @@ class Ratio:
 
 
 def interleave(actions: Mapping[str, Action], repetitions: int) -> Timings:
-    """Time all actions in turn, `repetitions` times, after one untimed round."""
+    """CPU seconds of all actions in turn, `repetitions` times, after one untimed round."""
     for action in actions.values():
         action()
     seconds = np.empty((len(actions), repetitions))
     for column in range(repetitions):
         for row, action in enumerate(actions.values()):
-            began = time.perf_counter()
+            began = time.process_time()
             action()
-            seconds[row, column] = time.perf_counter() - began
+            seconds[row, column] = time.process_time() - began
     return Timings(tuple(actions), seconds)
 
 

@@ -35,11 +35,11 @@ MADE_ELSEWHERE = {
     "reproduction": ("python benchmarks/reproduce_page.py", 2),
     "error_sweeps": ("python benchmarks/error_sweeps.py", 2),
     "retained_machines": ("python benchmarks/retained_machines.py", 2),
-    "low_rank": ("python benchmarks/low_rank.py", 3),
     "verdicts": ("python benchmarks/verdicts.py", 2),
     "peers": ("make bench-peers", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
+    "low_rank": ("make bench-low-rank", 2),
     "studies": ("python benchmarks/studies.py", 3),
     "kill_and_resume": ("python benchmarks/kill_and_resume.py", 3),
 }

@@ -11,7 +11,7 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.calibrate import calibrate
 from gridfold.equivalents.compare import Comparison, compare
 from gridfold.equivalents.error_budget import error_budget
@@ -22,6 +22,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import (
     CaseError,
     CaseFileError,

@@ -7,10 +7,11 @@ import pytest
 from area_cases import Unreduced
 
 import gridfold as gf
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import Mode, reduce_external, whole_system
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import InitializationError, OptionError
 from gridfold.partition import Partition, partition
 from gridfold.systems.status import Status

@@ -5,10 +5,11 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.error_budget import error_budget
 from gridfold.equivalents.families import reduce_external
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
 from gridfold.numerics.steppers import ScipyReference

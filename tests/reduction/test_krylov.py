@@ -102,10 +102,15 @@ def test_system_without_effect_is_compressed_to_nothing():
 def test_bases_that_do_not_meet_are_united():
     full = random_descriptor(6, 12, 4, 1, 1)
     unit = np.eye(12)
-    found = Bases.empty(full).extended(unit[:, :2], unit[:, 2:4])
+    empty = Bases.empty(full)
+    assert empty.extended(unit[:, :2], unit[:, 2:4]).k == 0
+    found = empty.united(unit[:, :2], unit[:, 2:4])
     assert found.k == 4
-    np.testing.assert_allclose(found.gram, np.eye(4), atol=1e-14)
-    np.testing.assert_allclose(found.middle, full.dense().a[:4, :4], atol=1e-12)
+    np.testing.assert_allclose(found.w.T @ found.v, np.eye(4), atol=1e-14)
+    expected = np.linalg.eigvals(full.dense().a[:4, :4])
+    np.testing.assert_allclose(
+        np.sort_complex(np.linalg.eigvals(found.middle)), np.sort_complex(expected), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-3, np.nan])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import gridfold as gf
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.families import WholeSystem, whole_system
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.numerics.modal_form import modal_form
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4

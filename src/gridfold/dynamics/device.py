@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -186,7 +186,7 @@ class Device:
     limits: tuple[Limit, ...] = ()
     psse_record: tuple[str | None, ...] = ()
 
-    @property
+    @cached_property
     def parameter_rows(self) -> tuple[str, ...]:
         """Names of the rows of `p`."""
         return (*(p.name for p in self.parameters), *self.set_points, "base_speed")

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
+from gridfold.dynamics.unit_limits import state_limits
 from gridfold.errors import InitializationError
 
 _MAX_ITERATIONS = 30
@@ -44,6 +45,8 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
 
     The Jacobian of one step serves the next ones as long as they converge quickly.
 
+    A step that leads beyond a limit of a state ends at it, for beyond it a state may be anywhere.
+
     The inertia-weighted mean of the rotor angles stays that of the guess, and their rate is free. An
     infinite bus holds both: the rate is then zero.
 
@@ -63,19 +66,20 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
         condition[angles] = model.inertia(units) / model.inertia(units).sum()
     x, rate = guess.copy(), 0.0
     jacobian = _Bordered(model, moving, condition)
-    before, solve = np.inf, jacobian.at(x)
+    limits = state_limits(model, guess, model.layout.source_units)
+    before, solve = np.inf, None
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
         size = np.abs(residual).max()
         if size < RESIDUAL_GOOD:
             return Equilibrium(x, rate)
         try:
-            if not size <= _SLOW * before and np.isfinite(before):
+            if solve is None or (not size <= _SLOW * before and np.isfinite(before)):
                 solve = jacobian.at(x)
             step = solve(np.append(residual, condition @ np.append(x - guess, rate)))
         except RuntimeError:
             break
-        x, rate, before = x - step[:-1], float(rate - step[-1]), size
+        x, rate, before = limits.held(x - step[:-1]), float(rate - step[-1]), size
         if not np.isfinite(x).all():
             break
     raise InitializationError("no equilibrium was found for the network after the disturbance")
@@ -85,7 +89,8 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
 class _Bordered:
     """The Jacobian with the rate's column and the condition's row, (n_states + 1,) each.
 
-    The node voltages are unknowns too, so that all is sparse.
+    The node voltages are unknowns too, so that all is sparse. States that nothing moves stay: those of
+    units that are out, and what a limit holds.
     """
 
     model: DetailedModel
@@ -95,10 +100,11 @@ class _Bordered:
     def at(self, x: NDArray[np.float64]) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         """What solves with it at the state `x`, for right-hand sides of shape (n_states + 1,)."""
         grid, n = grid_descriptor(self.model, x), self.model.n_states
+        idle = abs(grid.a11).sum(axis=1) + abs(grid.a12).sum(axis=1) == 0
         row, corner = self.condition[None, :n], self.condition[n:, None]
         matrix = block_array(
             [
-                [grid.a11 + diags_array(_idle_states(self.model)), grid.a12, -self.moving[:, None]],
+                [grid.a11 + diags_array(idle.astype(float)), grid.a12, -self.moving[:, None]],
                 [grid.a21, grid.a22, None],
                 [csc_array(row), None, csc_array(corner)],
             ],
@@ -113,13 +119,3 @@ class _Bordered:
             return np.asarray(np.append(solution[:n], solution[-1]))
 
         return solve
-
-
-def _idle_states(model: DetailedModel) -> NDArray[np.float64]:
-    """Ones for the states of units that are out, whose rows of the Jacobian are zero."""
-    idle = np.zeros(model.n_states)
-    for block in model.layout.blocks:
-        for unit, column in zip(block.units, block.state_index.T, strict=True):
-            if unit in model.state.units_out:
-                idle[column] = 1.0
-    return idle

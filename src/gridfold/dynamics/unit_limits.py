@@ -48,6 +48,12 @@ class StateLimits:
         """How far the states `x`, (n_states,), are beyond their limits, negative inside."""
         return np.asarray(self.side * (x[self.index] - self.bound))
 
+    def held(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The states `x`, (n_states,), with those that are beyond a limit put at it."""
+        beyond, result = self.beyond(x) > 0, x.copy()
+        result[self.index[beyond]] = self.bound[beyond]
+        return result
+
     def only(self, names: Collection[str]) -> StateLimits:
         """Those that are among `names`."""
         chosen = np.array([name in names for name in self.names], dtype=bool)
@@ -64,8 +70,7 @@ def limits_acting(
     model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
 ) -> tuple[str, ...]:
     """Limits of `units` that act at the state `x` (n_states,), by name."""
-    found = limits_along(model, x[None, :], units)
-    return tuple(name for name, acts in found.items() if acts.any())
+    return tuple(limits_passed(model, x[None, :], units))
 
 
 def limits_touched(
@@ -135,19 +140,41 @@ def limits_along(
 
     The limits are taken as they are, or moved inwards by a part of their size.
     """
-    result: dict[str, NDArray[np.bool_]] = {}
+    return {
+        limit_name(block.device, limit, block.units[column]): row
+        for block, columns, acts in _acting(model, states, units, inwards)
+        for limit, rows in zip(block.device.limits, acts, strict=True)
+        for column, row in zip(columns, rows, strict=True)
+    }
+
+
+def limits_passed(
+    model: DetailedModel, states: NDArray[np.float64], units: Collection[UnitKey]
+) -> Mapping[str, NDArray[np.bool_]]:
+    """Those of :func:`limits_along` that act at some state."""
+    return {
+        limit_name(block.device, block.device.limits[k], block.units[columns[j]]): acts[k, j]
+        for block, columns, acts in _acting(model, states, units)
+        for k, j in np.argwhere(acts.any(axis=2))
+    }
+
+
+def _acting(
+    model: DetailedModel,
+    states: NDArray[np.float64],
+    units: Collection[UnitKey],
+    inwards: float = 0.0,
+) -> Iterator[tuple[Block, list[int], NDArray[np.bool_]]]:
+    """Blocks with columns of `units`, and which limits act: (n_limits, n_columns, n_times)."""
     blocks = list(_limited(model, units))
     if not blocks:
-        return result
+        return
     signals = model.signals(states)
     for block, columns in blocks:
         x, u, p = _columns(block, columns, signals)
-        acts = acting_limits(block.device, x, u, tightened(block.device, p, inwards))
-        acts = acts.reshape(len(block.device.limits), len(columns), len(signals))
-        for limit, rows in zip(block.device.limits, acts, strict=True):
-            for column, row in zip(columns, rows, strict=True):
-                result[limit_name(block.device, limit, block.units[column])] = row
-    return result
+        limits = p if inwards == 0 else tightened(block.device, p, inwards)
+        acts = acting_limits(block.device, x, u, limits)
+        yield block, columns, acts.reshape(len(block.device.limits), len(columns), len(signals))
 
 
 def state_limits(

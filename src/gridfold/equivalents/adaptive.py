@@ -29,7 +29,7 @@ from gridfold.equivalents.limit_watches import (
     passed_notices,
 )
 from gridfold.equivalents.small_models import SmallModels
-from gridfold.errors import OptionError
+from gridfold.equivalents.switching import Band, SwitchingRule
 from gridfold.grid.events import Event
 from gridfold.grid.timeline import Stage
 from gridfold.numerics.blas import one_blas_thread
@@ -58,65 +58,6 @@ class Switch(NamedTuple):
     after: Mode
     reason: str
     jump_deg: float
-
-
-@dataclass(frozen=True)
-class SwitchingRule:
-    """When which model is used.
-
-    Parameters
-    ----------
-    angle_deg : float
-        Threshold of the angle deviation in degrees; 0 is the most exact model all the time, infinity
-        the next one.
-    longest_above : float
-        Time in seconds above the threshold after which the operating point is looked for anew.
-    limits : bool
-        Whether the detailed model is used where a limit of a linear unit is reached; limits that are
-        passed are told in any case.
-    whole_deg : float
-        Angle deviation in degrees up to which everything is linear, in families that have three models.
-    dwell : float
-        Time in seconds for which the deviation has to stay below a threshold before a cheaper model
-        takes over: a swinging angle passes through zero.
-    """
-
-    angle_deg: float
-    longest_above: float = 5.0
-    limits: bool = True
-    whole_deg: float = 0.0
-    dwell: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, words in (("angle_deg", "the angle threshold"), ("whole_deg", "whole_deg")):
-            if not getattr(self, name) >= 0:
-                raise OptionError(f"{words} must be 0 degrees or more, not {getattr(self, name)!r}")
-        if not self.longest_above > 0:
-            raise OptionError(f"longest_above must be positive, not {self.longest_above!r}")
-        if not 0 <= self.dwell < np.inf:
-            raise OptionError(f"dwell must be 0 seconds or more, not {self.dwell!r}")
-
-    def bands(self, modes: Sequence[Mode]) -> tuple[Band, ...]:
-        """The models of a family with the deviations in degrees at which they are used.
-
-        From the highest band downwards; neighbours with the same model are one band.
-        """
-        ends = (self.angle_deg, min(self.whole_deg, self.angle_deg))[: len(modes) - 1]
-        bands = [Band(modes[0], np.inf, 0.0)]
-        for mode, end in zip(modes[1:], ends, strict=True):
-            if end > 0 and mode is not bands[-1].mode:
-                last = bands.pop()
-                bands += [] if end == last.highest else [Band(last.mode, last.highest, end)]
-                bands += [Band(mode, end, 0.0)]
-        return tuple(bands)
-
-
-class Band(NamedTuple):
-    """Range of angle deviations in degrees in which a model is used."""
-
-    mode: Mode
-    highest: float
-    lowest: float
 
 
 @dataclass(frozen=True)
@@ -170,11 +111,11 @@ class AdaptivePlan:
     small: SmallModels
     rule: SwitchingRule
     criterion: SynchronismCriterion | None
+    step: float
     switches: list[Switch] = field(default_factory=list)
     models: list[DetailedModel] = field(default_factory=list)
     modes: list[Mode] = field(default_factory=list)
     above_since: float | None = None
-    below_since: float | None = None
     looked: bool = False
     at_limit: bool = False
     limits: list[LinearLimits | None] = field(default_factory=list)
@@ -221,8 +162,11 @@ class AdaptivePlan:
         watches = self.small.watches(model, mode)
         stops = () if self.criterion is None else (watches.stop(self.criterion),)
         switches = [
-            watches.deviation(limit, inside)
-            for limit, inside in ((choice.outside, False), (choice.inside, True))
+            watches.deviation(limit, inside, steps)
+            for limit, inside, steps in (
+                (choice.outside, False, 1),
+                (choice.inside, True, 1 + round(self.rule.dwell / self.step)),
+            )
             if 0 < limit < np.inf
         ]
         return Segment(
@@ -282,7 +226,7 @@ class AdaptivePlan:
 
     def _choose(self, time: float, model: DetailedModel, x: NDArray[np.float64]) -> Choice:
         if model.state.faulted:
-            self.above_since = self.below_since = None
+            self.above_since = None
             return Choice(Mode.DETAILED, "fault on")
         family = self.small.family_for(model)
         if family is None:
@@ -290,7 +234,7 @@ class AdaptivePlan:
         worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
-        choice = self._waiting(time, bands, level) or _in_band(bands[level], worst)
+        choice = _in_band(bands[level], worst)
         choice = self._looking(
             time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
         )
@@ -303,23 +247,6 @@ class AdaptivePlan:
     def _first_only(self, bands: Sequence[Band]) -> bool:
         """Whether the most exact model is in use all the time because the threshold is zero."""
         return len(bands) == 1 and self.rule.angle_deg == 0
-
-    def _waiting(self, time: float, bands: Sequence[Band], level: int) -> Choice | None:
-        """Stay in a more exact model until the deviation has been below its band for long enough."""
-        before = self.switches[-1].after if self.switches else None
-        current = next((k for k, band in enumerate(bands) if band.mode is before), level)
-        if level <= current or self.rule.dwell == 0:
-            self.below_since = None
-            return None
-        if self.below_since is None:
-            self.below_since = time
-        ready = self.below_since + self.rule.dwell
-        if time >= ready - _INSTANT:
-            self.below_since = None
-            return None
-        band = bands[current]
-        reason = f"the deviation has not been below the threshold for {self.rule.dwell:g} s"
-        return Choice(band.mode, reason, outside=band.lowest, until=ready)
 
     def _looking(self, time: float, choice: Choice, above: bool) -> Choice:
         """Look for the operating point once the threshold has been exceeded for too long."""
@@ -387,7 +314,7 @@ def simulate_adaptive(
     spent = small.seconds
     began = clock.perf_counter()
     stages = plan_simulation(model, events, t_end, store)
-    plan = AdaptivePlan(stages, small, rule, criterion)
+    plan = AdaptivePlan(stages, small, rule, criterion, stepper.step)
     ready = clock.perf_counter()
     run = run_plan(plan, model.x0, stepper)
     notices = plan.notices(run.pieces)

@@ -39,7 +39,7 @@ class AngleWatches:
             self._start = family.origin[self._angles] - family.origin[self._reference]
         self._frame = angle_frame(model)
         self._stops: dict[SynchronismCriterion, Watch] = {}
-        self._bands: dict[tuple[float, bool], Watch] = {}
+        self._bands: dict[tuple[float, bool, int], Watch] = {}
 
     def largest_deviation(self, x: NDArray[np.float64]) -> float:
         """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""
@@ -64,15 +64,18 @@ class AngleWatches:
                 self._stops[criterion] = self._band(*self._distances(), limit, inside=False)
         return self._stops[criterion]
 
-    def deviation(self, limit_deg: float, inside: bool) -> Watch:
-        """Holds when a deviation is beyond the limit, or with `inside` when all are within it."""
-        key = limit_deg, inside
+    def deviation(self, limit_deg: float, inside: bool, steps: int = 1) -> Watch:
+        """Holds when a deviation is beyond the limit, or with `inside` when all are within it.
+
+        That has to be so for as many `steps` in a row.
+        """
+        key = limit_deg, inside, steps
         if key not in self._bands:
             rows = np.zeros((len(self._angles), self._n_states))
             rows[np.arange(len(rows)), self._angles] = 1.0
             rows[:, self._reference] -= 1.0
             limit = float(np.deg2rad(limit_deg))
-            self._bands[key] = self._band(rows, -self._start, limit, inside)
+            self._bands[key] = self._band(rows, -self._start, limit, inside, steps)
         return self._bands[key]
 
     def _distances(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -96,14 +99,15 @@ class AngleWatches:
         offset: NDArray[np.float64],
         limit: float,
         inside: bool,
+        steps: int = 1,
     ) -> BandWatch:
         """A band over the whole's states, in the coordinates of the small model."""
         if self._small is None:
-            return BandWatch(rows, offset, limit, inside)
+            return BandWatch(rows, offset, limit, inside, steps)
         origin, slopes = self._small.affine
         used = np.flatnonzero(rows.any(axis=0))
         matrix = rows[:, used] @ slopes[:, used].T
-        return BandWatch(matrix, rows @ origin + offset, limit, inside)
+        return BandWatch(matrix, rows @ origin + offset, limit, inside, steps)
 
 
 def _study_machines(model: DetailedModel, family: ModelFamily) -> tuple[UnitKey, ...]:

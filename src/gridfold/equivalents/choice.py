@@ -8,7 +8,6 @@ from math import inf
 from typing import Any
 
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.equivalents.adaptive import SwitchingRule
 from gridfold.equivalents.families import (
     COLUMN_NORM,
     Mode,
@@ -22,6 +21,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
 from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
+    DWELL,
     LONGEST_ABOVE,
     PORTED,
     PRINTED,
@@ -34,6 +34,7 @@ from gridfold.equivalents.model_kind import (
 from gridfold.equivalents.ranking import rank_retained
 from gridfold.equivalents.saved import reducer_record
 from gridfold.equivalents.swings import Swings, sample_swings
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.number_ranges import as_ranges
@@ -143,7 +144,9 @@ class ModelSettings:
     def rule(self) -> SwitchingRule:
         """When which model is used."""
         if self.kind is ModelKind.LINEAR:
-            return SwitchingRule(self._whole_deg if self.ported else inf, longest_above=inf)
+            if not self.ported:
+                return SwitchingRule(inf)
+            return SwitchingRule(self._whole_deg, inf, dwell=DWELL)
         if self.kind is ModelKind.RETAINED:
             return SwitchingRule(0.0, longest_above=inf)
         if self.kind not in ANGLES_DEG:
@@ -153,6 +156,7 @@ class ModelSettings:
             ANGLES_DEG[self.kind] if angle is None else angle,
             LONGEST_ABOVE if longest is None else longest,
             whole_deg=self._whole_deg if self.kind is ModelKind.ADAPTIVE else 0.0,
+            dwell=DWELL if self.ported else 0.0,
         )
 
     @property

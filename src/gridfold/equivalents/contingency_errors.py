@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.equivalents.adaptive import SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import UnitError, compare
 from gridfold.equivalents.families import ModelFamily, ReducedExternal, reduce_external
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.grid.events import Event
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import RungeKutta4, ScipyReference, Stepper

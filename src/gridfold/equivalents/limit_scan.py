@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits
-from gridfold.dynamics.unit_limits import limits_along, limits_touched
+from gridfold.dynamics.unit_limits import limits_passed, limits_touched
 from gridfold.equivalents.swings import Swings
 from gridfold.grid.case import UnitKey
 from gridfold.partition import Partition
@@ -44,8 +44,7 @@ def limited_units(parts: Partition, swings: Swings) -> tuple[LimitedUnit, ...]:
     known |= mover_limits(model, limited_by_any_swing(model, model.x0, units))
     found: set[str] = set()
     for states in swings:
-        acting = limits_along(model, states[::_EVERY], units)
-        found |= {name for name, acts in acting.items() if acts.any()}
+        found |= limits_passed(model, states[::_EVERY], units).keys()
     names = sorted(found - known)
     limits = {unit: tuple(n for n in names if n.endswith(f" {unit}")) for unit in units}
     return tuple(LimitedUnit(unit, own) for unit, own in limits.items() if own)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.unit_limits import StateLimits, limits_along, state_limits
+from gridfold.dynamics.unit_limits import StateLimits, limits_along, limits_passed, state_limits
 from gridfold.equivalents.families import SmallModel
 from gridfold.numerics.watch import BoxWatch
 from gridfold.runs.notices import Notice
@@ -103,12 +103,8 @@ class LinearLimits:
         """Those of `names` that act at one of the states, and the first row at which they do."""
         if not names:
             return {}
-        found = limits_along(self.model, states, self.small.unlimited)
-        return {
-            name: int(np.argmax(acts))
-            for name, acts in found.items()
-            if name in names and acts.any()
-        }
+        found = limits_passed(self.model, states, self.small.unlimited)
+        return {name: int(np.argmax(acts)) for name, acts in found.items() if name in names}
 
 
 def linear_limits(

@@ -96,6 +96,8 @@ ANGLES_DEG = {
 }
 #: Angle deviation in degrees up to which everything is linear, in the ladder and the linear model.
 WHOLE_DEG = 10.0
+#: Time (s) for which the deviation stays below a threshold before the ladder takes a cheaper rung.
+DWELL = 1.0
 #: Time (s) above the threshold after which the operating point is looked for anew.
 LONGEST_ABOVE = 5.0
 #: Bound of the balanced truncation in the paper.

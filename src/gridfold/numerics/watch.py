@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Protocol
@@ -37,6 +37,10 @@ class CompiledWatch:
     reals: NDArray[np.float64]
 
 
+#: From rows (n, n_states) to bounds (n,) of the magnitudes of ``rows @ x`` in the time to come.
+Reach = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
 class Watch(Protocol):
     """A condition on the state of a system."""
 
@@ -51,6 +55,9 @@ class Watch(Protocol):
 
     def first(self, states: NDArray[np.float64]) -> int | None:
         """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
+
+    def never(self, reach: Reach) -> bool:
+        """Whether it cannot hold where `reach` bounds the magnitudes of linear quantities."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,10 @@ class SpreadWatch:
         """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
         return next((row for row, state in enumerate(states) if self.holds(state)), None)
 
+    def never(self, reach: Reach) -> bool:
+        """Nothing is known of it."""
+        return False
+
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
         sizes = [len(self.index), len(self.reference)]
@@ -121,12 +132,15 @@ class BandWatch:
         Half the width of the band around 0.
     inside : bool
         False: the condition is that one is outside. True: that all are inside.
+    steps : int
+        States in a row for which that has to be so.
     """
 
     matrix: NDArray[np.float64]
     offset: NDArray[np.float64]
     limit: float
     inside: bool = False
+    steps: int = 1
 
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Magnitudes of the quantities, shape (n,)."""
@@ -150,18 +164,24 @@ class BandWatch:
             unclear = np.flatnonzero(~within)
             distances = np.abs(states[unclear] @ self.matrix.T + self.offset)
         within[unclear] = distances.max(axis=1, initial=0.0) <= self.limit
-        rows = np.flatnonzero(within == self.inside)
-        return int(rows[0]) if len(rows) else None
+        so = np.concatenate([[0], np.cumsum(within == self.inside)])
+        rows = np.flatnonzero(so[self.steps :] - so[: -self.steps] == self.steps)
+        return int(rows[0]) + self.steps - 1 if len(rows) else None
+
+    def never(self, reach: Reach) -> bool:
+        """Whether all quantities stay in the band; that they stay outside is not told."""
+        within = np.abs(self.offset) + reach(self.matrix) <= self.limit
+        return not self.inside and bool(within.all())
 
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
         n, n_states = self.matrix.shape
         return CompiledWatch(
             _compiled_band().address,
-            np.array([n, n_states, self.inside], dtype=np.int64),
+            np.array([n, n_states, self.inside, self.steps], dtype=np.int64),
             np.concatenate(
                 [
-                    [self.limit, *_NOTHING_KNOWN],
+                    [self.limit, *_NOTHING_KNOWN, 0.0],
                     self.offset,
                     self.matrix.ravel(),
                     self.reach,
@@ -212,6 +232,11 @@ class BoxWatch:
         beyond = self.distances(states[unclear]).max(axis=1, initial=-np.inf)
         rows = unclear[~(beyond <= 0)]
         return int(rows[0]) if len(rows) else None
+
+    def never(self, reach: Reach) -> bool:
+        """Whether all quantities stay in their ranges."""
+        bound = reach(self.matrix)
+        return bool(((self.lower <= -bound) & (bound <= self.upper)).all())
 
     def compile(self) -> CompiledWatch:
         """The condition for compiled loops."""
@@ -286,21 +311,23 @@ def _spread(integers, reals, x, verdict):
 
 
 def _band(integers, reals, x, verdict):
-    # reals: limit, margin and verdict at the last state y that was judged in full; d, C, reach, y
+    # reals: limit, margin and verdict at the last state y that was judged in full, states in a row for
+    # which the condition held; d, C, reach, y
     n, n_states, inside = integers[0], integers[1], integers[2]
-    reach = reals[3 + n + n * n_states : 3 + n + (n + 1) * n_states]
-    last = reals[3 + n + (n + 1) * n_states :]
+    reach = reals[4 + n + n * n_states : 4 + n + (n + 1) * n_states]
+    last = reals[4 + n + (n + 1) * n_states :]
     moved = 0.0
     for j in range(n_states):
         moved += reach[j] * abs(x[j] - last[j])
     if not moved < reals[1]:
-        worst = _largest(reals[3 : 3 + n], matrix_view(reals, 3 + n, n, n_states), x)
+        worst = _largest(reals[4 : 4 + n], matrix_view(reals, 4 + n, n, n_states), x)
         within = 1 if worst <= reals[0] else 0
         reals[1] = abs(worst - reals[0])
         reals[2] = 1.0 if within == inside else 0.0
         for j in range(n_states):
             last[j] = x[j]
-    verdict[0] = reals[2]
+    reals[3] = reals[3] + 1.0 if reals[2] != 0.0 else 0.0
+    verdict[0] = 1.0 if reals[3] >= integers[3] else 0.0
 
 
 @compiled_part

@@ -16,7 +16,7 @@ import numpy as np
 
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import AdaptiveRun, simulate_adaptive
 from gridfold.equivalents.compare import Comparison, compare
 from gridfold.equivalents.families import (
     ModelFamily,
@@ -26,8 +26,9 @@ from gridfold.equivalents.families import (
 )
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
-from gridfold.equivalents.model_kind import WHOLE_DEG
+from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import BusFault, Event
@@ -143,7 +144,9 @@ class CaseStudy:
             raise OptionError(f"there is no angle threshold for the run {kind.value}")
         ladders = (SmallRun.LINEAR, SmallRun.ADAPTIVE_PARTITIONED)
         linear_to = WHOLE_DEG if kind in ladders else 0.0
-        rule = SwitchingRule(float(angle), whole_deg=linear_to)
+        ours = kind in (*OURS, SmallRun.RETAINED)
+        dwell = DWELL if ours else 0.0
+        rule = SwitchingRule(float(angle), whole_deg=linear_to, dwell=dwell)
         return simulate_adaptive(
             self.model, family, rule, events, published.T_END, store=self.store
         )

@@ -19,8 +19,8 @@ from gridfold.systems.statemap import StateMap
 Matrix = NDArray[np.float64]
 
 #: Error of the transfer matrix of a compressed system, in parts of its size: Hankel singular values
-#: are right to some 1e-9 of the first.
-_COMPRESSION = 1e-9
+#: are right to less than 1e-8 of the first.
+COMPRESSION = 2e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Parts:
     def of(cls, system: LinearSystem | DescriptorSystem) -> Parts:
         """Split `system`; of a large one the stable part is compressed."""
         if isinstance(system, DescriptorSystem):
-            found = compress(system, _COMPRESSION)
+            found = compress(system, COMPRESSION)
             return cls(system, found.unstable, found.stable)
         return cls(system, *split_spectrum(system.a))
 

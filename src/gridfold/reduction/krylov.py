@@ -1,10 +1,11 @@
 """Compress a large sparse system to a dense one with the same transfer matrix.
 
 Two-sided tangential rational interpolation. A sample at j omega solves (j omega I - A) X = B and
-measures the error E = C X - G_k of what there is. The singular vectors of E with values above the
-tolerance are the directions in which the bases grow: X z_i joins V, (j omega I - A)^-H C^T u_i joins
-W. The error at j omega is below the tolerance then, with as few columns as possible. Where to sample
-next is told by the difference between the last two models. Unstable modes are split off exactly.
+measures the error E = C X - G_k of what there is. Its singular vectors with values above the
+tolerance are the directions in which the bases may grow, V by X z_i and W by
+(j omega I - A)^-H C^T u_i. Of all directions of a round of samples those with the largest Hankel
+singular values are taken. Where to sample next is told by the difference between the last two models
+and by the gaps between samples. Unstable modes are split off exactly.
 
 Source: K. Gallivan, A. Vandendorpe, P. Van Dooren, "Model Reduction of MIMO Systems via Tangential
 Interpolation", SIAM Journal on Matrix Analysis and Applications 26 (2004), pp. 328-349.
@@ -21,8 +22,8 @@ from gridfold.errors import OptionError
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.spectral_split import STABILITY_MARGIN, InvariantPart
 from gridfold.reduction.petrov import Bases, real_columns
-from gridfold.reduction.sampling import Spectrum, check_points, first_points, next_points
-from gridfold.reduction.true_modes import deflated, no_part, refined, stable_rest
+from gridfold.reduction.sampling import Spectrum, first_points, next_points, widths
+from gridfold.reduction.true_modes import no_part, refined, stable_rest
 from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
 
@@ -30,6 +31,12 @@ Matrix = NDArray[np.float64]
 
 #: Part of the tolerance below which a direction of the error is left alone.
 _LEFT_ALONE = 0.3
+
+#: Hankel singular value of the error, in parts of the tolerance, below which the bases do not grow.
+_DROPPED = 0.02
+
+#: Tolerance at which unstable modes are looked for first.
+_COARSE = 0.1
 
 #: Rounds of samples; and times that unstable modes may come up.
 _ROUNDS, _PASSES = 40, 6
@@ -102,14 +109,16 @@ def compress(system: DescriptorSystem, tolerance: float = 1e-10) -> Compressed:
     if not 0 < tolerance < 1:
         raise OptionError(f"the tolerance of a compression must be between 0 and 1: {tolerance}")
     limit = -STABILITY_MARGIN * system.radius
-    exact, bases = no_part(system.n), Bases.empty(system)
+    exact, bases, wanted = no_part(system.n), Bases.empty(system), max(tolerance, _COARSE)
     for _ in range(_PASSES):
-        bases, spectrum, error = _converged(bases, tolerance)
+        bases, spectrum, error = _converged(bases, wanted)
         more = refined(system, bases, spectrum.values, limit, exact)
-        if more.order == exact.order:
+        if more.order > exact.order:
+            exact = more
+            bases = bases.without(exact)
+        elif wanted == tolerance:
             return _together(system, exact, stable_rest(bases, spectrum, limit), error)
-        exact = more
-        bases = deflated(bases, exact)
+        wanted = tolerance
     raise OptionError("the unstable modes of a large system were not found")
 
 
@@ -132,44 +141,47 @@ def _together(
 def _converged(bases: Bases, tolerance: float) -> tuple[Bases, Spectrum, float]:
     """Sample until nothing above the tolerance is found where it is to be expected, and elsewhere."""
     radius = bases.system.radius
-    before, size, checking = Spectrum.of(bases.reduced()), 0.0, bases.k > 0
+    now, size = Spectrum.of(bases.reduced()), 0.0
     points, sampled = first_points(radius), np.zeros(0)
     for _ in range(_ROUNDS):
-        k = bases.k
-        bases, size, error = _sampled(bases, points, size, tolerance)
         sampled = np.append(sampled, points)
-        spectrum = Spectrum.of(bases.reduced()) if bases.k > k else before
-        if error <= tolerance * size:
-            if checking:
-                return bases, spectrum, error / size if size else 0.0
-            checking, points = True, check_points(spectrum, sampled, radius, tolerance * size)
-        elif bases.k == k:
+        grown, size, error = _sampled(bases, now, points, size, tolerance)
+        before, bases, same = now, grown, grown.k == bases.k
+        now = now if same else Spectrum.of(bases.reduced())
+        if error <= tolerance * size and len(sampled) > len(points):
+            return bases, now, error / size if size else 0.0
+        if same and error > tolerance * size:
             if error > max(tolerance, _ROUNDING) * size:
                 break
-            return bases, spectrum, error / size
-        else:
-            checking, points = False, next_points(spectrum, before, sampled, radius)
-        before = spectrum
+            return bases, now, error / size
+        points = next_points(now, before, sampled, radius, tolerance * size)
     raise OptionError(
         f"a large system was not compressed to {tolerance:g}: the error is {error / size:.1e}"
     )
 
 
 def _sampled(
-    bases: Bases, points: Matrix, size: float, tolerance: float
+    bases: Bases, model: Spectrum, points: Matrix, size: float, tolerance: float
 ) -> tuple[Bases, float, float]:
     """Bases after samples at `points` in rad/s, size of the transfer matrix, largest error."""
-    worst, system = 0.0, bases.system
-    for omega in points:
-        resolvent = system.at(1j * omega)
+    worst, reached, duals = 0.0, [], []
+    for omega, width, known in zip(points, widths(points), model.response(points), strict=True):
+        resolvent = bases.system.at(1j * omega)
         states = resolvent.solve(bases.b)
         response = bases.c @ states
         size = max(size, float(np.linalg.norm(response, 2)))
-        left, errors, right = np.linalg.svd(response - bases.transfer(1j * omega))
+        left, errors, right = np.linalg.svd(response - known)
         count = int(np.count_nonzero(errors > _LEFT_ALONE * tolerance * size))
         worst = max(worst, float(errors[0]) if len(errors) else 0.0)
         if count:
-            duals = resolvent.solve_adjoint(bases.c.T @ left[:, :count])
-            reached = states @ right[:count].conj().T
-            bases = bases.extended(real_columns(reached), real_columns(duals))
-    return bases, size, worst
+            weight = np.sqrt(width / np.pi)
+            dual = resolvent.solve_adjoint(bases.c.T @ left[:, :count])
+            duals.append(real_columns(weight * dual))
+            reached.append(real_columns(weight * (states @ right[:count].conj().T)))
+    if not duals:
+        return bases, size, worst
+    x, y, level = np.hstack(reached), np.hstack(duals), _DROPPED * tolerance * size
+    grown = bases.extended(x, y, level)
+    if grown.k == bases.k:
+        grown = bases.extended(x, y)
+    return (grown if grown.k > bases.k else bases.united(x, y)), size, worst

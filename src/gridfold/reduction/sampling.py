@@ -13,11 +13,14 @@ Matrix = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
 
 #: First samples, and the grid on which models are compared, in parts of the largest eigenvalue.
-_FIRST = (1e-3, 1e-2, 0.08, 0.3, 1.0)
-_LOWEST, _HIGHEST, _GRID = 1e-5, 10.0, 240
+_FIRST = (1e-3, 0.01, 0.04, 0.12, 0.25, 0.45, 0.7, 1.0)
+_LOWEST, _HIGHEST, _GRID = 1e-4, 10.0, 240
 
-#: Samples a round; of those, the poles nearest the axis count as peaks by this part of their modulus.
-_BATCH, _NEAR_AXIS = 8, 0.2
+#: Samples a round where models differ, and in gaps between those before.
+_BATCH, _GAPS = 8, 4
+
+#: Poles nearer to the axis than this part of their modulus count as peaks.
+_NEAR_AXIS = 0.2
 
 #: Relative distance of samples: what is nearer than that has been seen already.
 _APART = 0.02
@@ -81,8 +84,24 @@ def first_points(radius: float) -> Matrix:
     return np.asarray(_FIRST) * (radius or 1.0)
 
 
-def next_points(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float) -> Matrix:
-    """Frequencies in rad/s where the models `now` and `before` differ most, apart from `sampled`."""
+def next_points(
+    now: Spectrum, before: Spectrum, sampled: Matrix, radius: float, level: float
+) -> Matrix:
+    """Frequencies in rad/s that tell whether the model `now` can be trusted, apart from `sampled`.
+
+    They are those where it differs most from the model `before`, the middles of the widest gaps
+    between samples, and unstable poles of the model whose terms reach `level`.
+    """
+    known = np.unique(np.clip(sampled, _LOWEST * radius, _HIGHEST * radius))
+    widest = np.argsort(-np.diff(np.log(known)), kind="stable")[:_GAPS]
+    middles = np.sqrt(known[widest] * known[widest + 1])
+    doubtful = (now.values.real >= 0) & (now.values.imag >= 0) & (now.heights() > level)
+    poles = np.maximum(now.values.imag[doubtful], _LOWEST * radius)[:_GAPS]
+    return np.unique(np.concatenate([_changed(now, before, sampled, radius), middles, poles]))
+
+
+def _changed(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float) -> Matrix:
+    """Frequencies in rad/s where the two models differ most."""
     omega = _grid(now, radius)
     omega = omega[(np.abs(omega[:, None] / sampled - 1) > _APART).all(axis=1)]
     gap = now.sketched().response(omega) - before.sketched().response(omega)
@@ -93,18 +112,9 @@ def next_points(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float)
     return np.asarray(omega[chosen])
 
 
-def check_points(now: Spectrum, sampled: Matrix, radius: float, level: float) -> Matrix:
-    """Frequencies in rad/s that tell whether the model `now` can be trusted.
-
-    They are the middles of the widest gaps between those `sampled`, and unstable poles of the
-    model whose terms reach `level`.
-    """
-    known = np.unique(np.clip(sampled, _LOWEST * radius, _HIGHEST * radius))
-    gaps = np.diff(np.log(known))
-    widest = np.argsort(-gaps, kind="stable")[:_BATCH]
-    middles = np.sqrt(known[widest] * known[widest + 1])
-    doubtful = (now.values.real >= 0) & (now.values.imag >= 0) & (now.heights() > level)
-    return np.append(middles, np.maximum(now.values.imag[doubtful], _LOWEST * radius)[:_BATCH])
+def widths(points: Matrix) -> Matrix:
+    """Part of the axis in rad/s that each of `points`, in ascending order, stands for."""
+    return np.diff(np.concatenate([[0.0], np.sqrt(points[:-1] * points[1:]), [2 * points[-1]]]))
 
 
 def _grid(spectrum: Spectrum, radius: float) -> Matrix:

@@ -52,25 +52,13 @@ def refined(
     return exact
 
 
-def deflated(bases: Bases, exact: InvariantPart) -> Bases:
-    """The bases with the part `exact` in them, for inputs and outputs without it.
-
-    The projection has these modes exactly then, and they have no share in its transfer matrix.
-    """
-    b = bases.b - exact.lift @ (exact.restrict @ bases.b)
-    c = bases.c - (bases.c @ exact.lift) @ exact.restrict
-    dual = exact.restrict.T
-    duals = dual / np.linalg.norm(dual, axis=0)
-    return bases.extended(exact.lift, duals).seen(b, c)
-
-
 def stable_rest(bases: Bases, spectrum: Spectrum, limit: float) -> InvariantPart:
     """The projected system without its poles at `limit` and beyond.
 
     These are either those of the exact part or of no meaning. With their right and left
     eigenvectors R and L, the rest lives in the null space of L^T, along R.
     """
-    a, restrict = bases.reduced().a, bases.restrict()
+    a, restrict = bases.middle, bases.w.T
     wrong = np.flatnonzero((spectrum.values.real >= limit) & (spectrum.values.imag >= 0))
     if len(wrong) == 0:
         return InvariantPart(a, bases.v, restrict)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -67,6 +68,10 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
         began = clock.perf_counter()
         result = _integrate(segment, times, segment.restrict(x), stepper)
         seconds = clock.perf_counter() - began
+        if isinstance(result, _Formula):
+            pieces.append(Piece(segment, times, result.states, seconds))
+            time, x = float(times[-1]), segment.lift(result.end)
+            continue
         finite = _finite_rows(result.states)
         piece = Piece(segment, times[:finite], result.states[:finite], seconds)
         pieces.append(piece)
@@ -80,9 +85,17 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
     return Run(tuple(pieces), Status.COMPLETED)
 
 
+@dataclass(frozen=True)
+class _Formula:
+    """A solution in closed form along which no watch can fire: its end, and what computes the rest."""
+
+    end: NDArray[np.float64]
+    states: Callable[[], NDArray[np.float64]]
+
+
 def _integrate(
     segment: Segment, times: NDArray[np.float64], x0: NDArray[np.float64], stepper: Stepper
-) -> Integration:
+) -> Integration | _Formula:
     """States of the segment's system from `x0` along `times`, until a stop or a switch fires."""
     watches = (*segment.stops, *segment.switches)
     if isinstance(segment.system, ClosedForm):
@@ -95,19 +108,38 @@ def _evaluate(
     times: NDArray[np.float64],
     x0: NDArray[np.float64],
     watches: Sequence[Watch],
-) -> Integration:
-    """The same from a closed form, in blocks: a watch that fires early does not cost the rest."""
+) -> Integration | _Formula:
+    """The same from a closed form, in blocks: a watch that fires early does not cost the rest.
+
+    Once no watch can fire any more, nothing is computed but the end.
+    """
+    elapsed = times - times[0]
     states = np.empty((len(times), len(x0)))
     states[0] = x0
     for start in range(1, len(times), BLOCK):
+        reach = partial(system.reach, states[start - 1], elapsed[-1] - elapsed[start - 1])
+        if all(watch.never(reach) for watch in watches):
+            end = system.states_after(x0, elapsed[-1:])[0]
+            if np.isfinite(end).all():
+                return _Formula(end, partial(_from_the_start, system, x0, elapsed))
         block = slice(start, start + BLOCK)
-        found = first_fired(
-            watches, system.states_after(x0, times[block] - times[0], states[block])
-        )
+        found = first_fired(watches, system.states_after(x0, elapsed[block], states[block]))
         if found is not None:
             row, number = found
             return Integration(states[: start + row + 1], number)
     return Integration(states, 0)
+
+
+def _from_the_start(
+    system: ClosedForm, x0: NDArray[np.float64], elapsed: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """States at all times, the start included."""
+    states = np.empty((len(elapsed), len(x0)))
+    states[0] = x0
+    for start in range(1, len(elapsed), BLOCK):
+        block = slice(start, start + BLOCK)
+        system.states_after(x0, elapsed[block], states[block])
+    return states
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -71,13 +72,19 @@ class Segment:
 class Piece:
     """A segment that has been integrated: times (n,) and states (n, r), both ends included.
 
+    States that follow from a formula are given as what computes them, once they are asked for.
     `seconds` is the time that the machine took for it.
     """
 
     segment: Segment
     times: NDArray[np.float64]
-    states: NDArray[np.float64]
+    solution: NDArray[np.float64] | Callable[[], NDArray[np.float64]]
     seconds: float = 0.0
+
+    @cached_property
+    def states(self) -> NDArray[np.float64]:
+        """States of the segment's system, shape (n, r)."""
+        return self.solution() if callable(self.solution) else self.solution
 
     @cached_property
     def full_states(self) -> NDArray[np.float64]:

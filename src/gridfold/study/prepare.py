@@ -14,7 +14,6 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
-from gridfold.equivalents.adaptive import SwitchingRule
 from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.choice import Family, ModelSettings
@@ -23,6 +22,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun, Switch, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import BranchFault, BusFault, Event

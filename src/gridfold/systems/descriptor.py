@@ -19,8 +19,16 @@ from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
 
-#: Pivots on the diagonal unless they are this much smaller than the largest entry of their column.
-_FACTORS: dict[str, Any] = {"diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+#: Pivots on the diagonal unless they are this much smaller than the largest entry of their column;
+#: the columns of a grid are too sparse to be worked on in panels.
+_FACTORS: dict[str, Any] = {
+    "diag_pivot_thresh": 0.01,
+    "panel_size": 1,
+    "options": {"SymmetricMode": True},
+}
+
+#: Columns that are solved for together: more of them leave the cache.
+_BLOCK = 8
 
 #: Up to this many states the largest eigenvalue is found from the matrix itself.
 _SMALL, _RADIUS_TOLERANCE = 60, 1e-3
@@ -190,7 +198,13 @@ class DescriptorSystem:
         return splu(self.a22)
 
     def _algebraic(self, rhs: Matrix) -> Matrix:
-        return np.asarray(self._factors.solve(np.asarray(rhs)) if self.a22.shape[0] else rhs)
+        if not self.a22.shape[0]:
+            return rhs
+        solution = np.empty(rhs.shape, order="F")
+        for first in range(0, rhs.shape[1], _BLOCK):
+            block = slice(first, first + _BLOCK)
+            solution[:, block] = self._factors.solve(np.asarray(rhs[:, block]))
+        return solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +224,13 @@ class Resolvent:
         return self._solve(rhs, "H")
 
     def _solve(self, rhs: NDArray[Any], mode: str) -> NDArray[np.complex128]:
-        full = np.zeros((self.factors.shape[0], rhs.shape[1]), dtype=np.complex128)
-        full[: self.n] = -rhs
-        solution = np.empty_like(full)
-        solution[self.order] = self.factors.solve(full[self.order], mode)
-        return np.asarray(solution[: self.n])
+        solution = np.empty(rhs.shape, dtype=np.complex128, order="F")
+        full = np.zeros((self.factors.shape[0], _BLOCK), dtype=np.complex128, order="F")
+        states = self.order < self.n
+        place = self.order[states]
+        for first in range(0, rhs.shape[1], _BLOCK):
+            block = slice(first, first + _BLOCK)
+            part = full[:, : rhs[:, block].shape[1]]
+            part[states] = -rhs[place, block]
+            solution[place, block] = self.factors.solve(part, mode)[states]
+        return solution

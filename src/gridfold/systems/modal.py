@@ -72,6 +72,22 @@ class ModalSystem:
         )  # fmt: skip
         return states
 
+    def reach(
+        self, start: NDArray[np.float64], span: float, rows: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Bounds of the quantities ``rows @ w`` within the time `span` (s) after the state `start`.
+
+        Each mode is as large as it may become, and all add up.
+        """
+        form, paired = self.form, self.form.partner
+        alone = paired == np.arange(len(paired))
+        with np.errstate(over="ignore"):
+            size = np.abs(start) + np.abs(self.offset) * span
+            both = np.where(alone, size, np.hypot(size, size[paired]))
+            both *= np.exp(np.maximum(form.diagonal, 0.0) * span)
+            weight = np.where(alone, np.abs(rows), np.hypot(rows, rows[:, paired]) / 2)
+        return np.asarray(weight @ both)
+
 
 def _inner_step(elapsed: NDArray[np.float64]) -> float:
     """Length of the steps between the times, which may be shorter at both ends; 0 for too few."""

@@ -40,3 +40,14 @@ class ClosedForm(Protocol):
         ndarray, shape (n_times, n_states)
             `out`, C-contiguous, where it is given.
         """
+
+    def reach(
+        self, start: NDArray[np.float64], span: float, rows: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Bounds of the quantities ``rows @ w`` within the time `span` (s) after the state `start`.
+
+        Returns
+        -------
+        ndarray, shape (n_rows,)
+            What none of their magnitudes exceeds; infinite where nothing can be said.
+        """
