@@ -259,16 +259,24 @@ def test_files_and_options_that_do_not_fit_are_refused_by_name(command, argument
     assert solid(words) in solid(refusal(command, "eigenvalues", *arguments))
 
 
-def test_a_reduced_model_keeps_its_load_model(command, tmp_path):
+@pytest.mark.parametrize(
+    ("model", "how"), [("hybrid", ("--outputs", "states")), ("retained", ("--retain", 1))]
+)
+def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
     raw, dyr = public(KUNDUR)
     area, path = ("--study-areas", 1), tmp_path / "k.npz"
-    facts = record(command, "reduce", raw, dyr, *area, "--loads", "raw", "--save", path)
+    facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--save", path)
     assert facts["load_model"] == "raw"
     with np.load(path) as archive:
         assert json.loads(str(archive["metadata"]))["load_model"] == "raw"
-    begin = ("simulate", raw, dyr, *area, "--model", "hybrid", "--reduced", path, "--t-end", 0.1)
+    begin = ("simulate", raw, dyr, *area, "--model", model, "--reduced", path, "--t-end", 0.1)
     assert record(command, *begin, "--loads", "raw")["status"] == "completed"
     assert "has loads raw, the model of the case z" in refusal(command, *begin)
+
+
+def test_where_all_external_machines_are_retained_that_is_said(command):
+    said = "all external machines are retained: none is left to be linear"
+    assert said in refusal(command, "reduce", *public(KUNDUR), "--study-areas", 1)
 
 
 def test_kundur_skips_the_switching_record_of_andes(command):

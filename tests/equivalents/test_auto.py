@@ -94,4 +94,7 @@ def test_an_area_that_cannot_be_reduced_leaves_the_model_detailed(parts, costs):
     settings = replace(SETTINGS, retain=RetainSettings(buses=every))
     found = choose(settings, parts.model, parts, Work(10, 100))
     assert (found.kind, found.family) == (ModelKind.DETAILED, None)
-    assert found.reason.startswith("the external area cannot be reduced: ")
+    assert found.reason == (
+        "the external area cannot be reduced: all external machines are retained: none is left to be "
+        "linear"
+    )

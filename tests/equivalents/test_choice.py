@@ -72,10 +72,10 @@ def test_ports_are_refused_by_models_that_form_states(kind):
 @pytest.mark.parametrize(
     ("kind", "rule"),
     [
-        (ModelKind.LINEAR, SwitchingRule(10.0, longest_above=INFINITE)),
+        (ModelKind.LINEAR, SwitchingRule(10.0, INFINITE, dwell=1.0)),
         (ModelKind.RETAINED, SwitchingRule(0.0, longest_above=INFINITE)),
-        (ModelKind.ADAPTIVE, SwitchingRule(67.0, whole_deg=10.0)),
-        (ModelKind.WHOLE, SwitchingRule(6.0)),
+        (ModelKind.ADAPTIVE, SwitchingRule(67.0, whole_deg=10.0, dwell=1.0)),
+        (ModelKind.WHOLE, SwitchingRule(6.0, dwell=1.0)),
         (ModelKind.HYBRID, SwitchingRule(0.0)),
         (ModelKind.PROJECTED, SwitchingRule(0.0)),
         (ModelKind.PAPER, SwitchingRule(67.0)),
@@ -91,10 +91,10 @@ def test_thresholds_that_are_given_take_the_place_of_the_defaults():
     adaptive, paper = (
         ModelSettings(kind, **options).rule for kind in (ModelKind.ADAPTIVE, ModelKind.PAPER)
     )
-    assert adaptive == SwitchingRule(30.0, 1.0, whole_deg=2.0)
+    assert adaptive == SwitchingRule(30.0, 1.0, whole_deg=2.0, dwell=1.0)
     assert paper == SwitchingRule(30.0, 1.0)
     linear = ModelSettings(ModelKind.LINEAR, whole_deg=2.0)
-    assert linear.rule == SwitchingRule(2.0, longest_above=INFINITE)
+    assert linear.rule == SwitchingRule(2.0, INFINITE, dwell=1.0)
     assert replace(linear, outputs=STATES).rule.angle_deg == INFINITE
 
 

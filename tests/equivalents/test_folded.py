@@ -238,7 +238,7 @@ def test_on_old_bases_line_faults_are_as_exact_as_on_new_ones(parts, retained, s
 def test_what_cannot_be_retained_or_reduced_is_told(parts):
     with pytest.raises(OptionError, match=r"machine 23:1 cannot be retained"):
         fold(parts, [gf.UnitKey(23, "1")])
-    with pytest.raises(OptionError, match="machines of its own"):
+    with pytest.raises(OptionError, match="none is left to be linear"):
         fold(parts, parts.external_units)
 
 

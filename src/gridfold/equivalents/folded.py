@@ -242,6 +242,8 @@ def fold(
         )
     kept = tuple(unit for unit in parts.external_units if unit in set(retained))
     linear = [unit for unit in parts.external_units if unit not in set(kept)]
+    if not linear:
+        raise OptionError("all external machines are retained: none is left to be linear")
     ports = find_ports(parts.model, linear, parts.study_buses)
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)
