@@ -22,7 +22,7 @@ from gridfold.systems.statemap import StateMap
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
 #: at ports and kept machines in p.u., for port voltages that swing as in the samples.
 PORT_TOLERANCE = 1e-3
-#: Frequency in Hz at which it is looked how much bases miss of an area.
+#: It is looked how much bases miss of an area at s = 2 pi times this (1/s): real, which costs less.
 CHECKED_AT = 0.7
 #: States of an area up to which its matrix is formed to be reduced.
 DENSE_UP_TO = 500
@@ -113,16 +113,17 @@ def _checked(bases: Bases, area: PortArea) -> Bases:
     return replace(bases, miss=missed(bases, area))
 
 
-def missed(bases: Bases, area: PortArea) -> float:
-    """Error of the transfer matrix of the projected area at a frequency of electromechanical swings.
+def missed(bases: Bases, area: PortArea, applied: NDArray[np.float64] | None = None) -> float:
+    """Error of the transfer matrix of the projected area at a rate of electromechanical swings.
 
     Largest change of the voltages at ports and kept machines, in p.u., for port voltages that swing as
-    in the samples; without input weights for changes of 1 rad or by the factor e.
+    in the samples; without input weights for changes of 1 rad or by the factor e. `applied` is A T~,
+    if that is known.
     """
-    system, s = area.driven, CHECKED_AT * 2j * np.pi
+    system, s = area.driven, CHECKED_AT * 2 * np.pi
     if bases.input_weights.size:
         system = system.with_input_weights(bases.input_weights)
-    a = bases.restrict @ system.apply(bases.lift)
+    a = bases.restrict @ (system.apply(bases.lift) if applied is None else applied)
     small = np.linalg.solve(s * np.eye(bases.order) - a, bases.restrict @ system.b)
     return float(np.linalg.norm(system.transfer_once(s) - system.c @ (bases.lift @ small), 2))
 
@@ -139,10 +140,12 @@ def _exact(
     return np.hstack([area.turn, inside.real, inside.imag])
 
 
-def in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
+def in_modes(
+    bases: Bases, area: PortArea, applied: NDArray[np.float64] | None = None
+) -> tuple[LinearPorts, StateMap]:
     """The area projected on its bases, with coordinates that do not see each other."""
     lift, restrict = bases.lift, bases.restrict
-    form = modal_form(restrict @ area.system.apply(lift))
+    form = modal_form(restrict @ (area.system.apply(lift) if applied is None else applied))
     if form is None:
         raise OptionError(
             "the modes of the reduced area cannot be told apart; choose another order"

@@ -81,7 +81,7 @@ class FoldedArea:
         Limits of linear units that act there.
     governed : tuple of UnitKey
         Linear units whose prime movers are exact, because any swing takes them to a limit.
-    how : str
+    made : str
         How it came about, for the log.
     """
 
@@ -98,7 +98,7 @@ class FoldedArea:
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
     governed: tuple[UnitKey, ...] = ()
-    how: str = "reduced at the equilibrium of the intact network"
+    made: str = "reduced at the equilibrium of the intact network"
 
     @property
     def mode(self) -> Mode:
@@ -119,6 +119,10 @@ class FoldedArea:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    def how(self, mode: Mode) -> str:
+        """How it came about."""
+        return self.made
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of linear units that act at the operating point."""
@@ -162,16 +166,18 @@ class FoldedArea:
         machines are out, whose part in the common turn the bases know: then it is reduced anew.
         """
         area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
-        miss, usual = missed(self.bases, area), self.bases.miss
+        applied = area.system.apply(self.bases.lift)
+        miss, usual = missed(self.bases, area, applied), self.bases.miss
         told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
         out = model.state.units_out.intersection(self.ports.units)
         if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
-            known = replace(self, how=f"linearized anew; {told}")
+            known = replace(self, made=f"linearized anew; {told}")
         else:
             old = self.bases
             bases = find_bases(self.reducer, area, model, point.x, old.weights, old.input_weights)
-            known = replace(self, bases=bases, how=f"reduced anew: {told}")
-        return _projected(known, area, model, point)
+            known = replace(self, bases=bases, made=f"reduced anew: {told}")
+            applied = area.system.apply(bases.lift)
+        return _projected(known, area, model, point, applied)
 
     def _places(self, model: DetailedModel) -> PortCoordinates:
         return port_coordinates(model, self.ports.units, self.area.state_index, self.states)
@@ -317,9 +323,14 @@ def _about(
 
 
 def _projected(
-    known: FoldedArea, area: PortArea, model: DetailedModel, point: Equilibrium
+    known: FoldedArea,
+    area: PortArea,
+    model: DetailedModel,
+    point: Equilibrium,
+    applied: NDArray[np.float64] | None = None,
 ) -> FoldedArea:
-    linear_ports, states = in_modes(known.bases, area)
+    """The area about another point; `applied` is A T~ there, if that is known."""
+    linear_ports, states = in_modes(known.bases, area, applied)
     return replace(
         known,
         area=area,
