@@ -8,7 +8,6 @@ from row_of_areas import row_of_areas
 
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.equivalents.adaptive import SwitchingRule
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
 from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
@@ -24,6 +23,7 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.equivalents.ranking import rank_retained
 from gridfold.equivalents.swings import sample_swings
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.partition import couple
 

@@ -8,9 +8,9 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import find_equilibrium
-from gridfold.equivalents.adaptive import Band, SwitchingRule
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.switching import Band, SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
 

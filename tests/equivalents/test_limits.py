@@ -11,12 +11,13 @@ from limited_cases import LIMITED, npcc_with_ieeet1, npcc_with_sexs
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium
-from gridfold.equivalents.adaptive import LIMIT_DWELL, AdaptiveRun, SwitchingRule, simulate_adaptive
+from gridfold.equivalents.adaptive import LIMIT_DWELL, AdaptiveRun, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.families import Mode, reduce_external, whole_system
 from gridfold.equivalents.limit_watches import listed
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
 from gridfold.numerics.watch import BoxWatch
 from gridfold.partition import Partition, partition
 
