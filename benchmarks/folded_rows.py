@@ -19,8 +19,11 @@ from gridfold import (
     SwitchingRule,
     Trajectory,
     UnitKey,
+    build_model,
     compare,
     fold,
+    load_case,
+    partition,
     simulate,
     simulate_adaptive,
 )
@@ -70,6 +73,11 @@ def ready(family: ModelFamily, parts: Partition) -> SmallModels:
         small.get(model, mode)
         small.limits(model, mode)
     return small
+
+
+def warm_up() -> None:
+    """Compile what all grids need, so that seconds off line are those of the work."""
+    candidates(partition(build_model(load_case("npcc")), range(1, 37)), 3)
 
 
 def candidates(parts: Partition, count: int, norms: bool = True) -> Candidates:

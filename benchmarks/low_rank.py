@@ -23,7 +23,7 @@ from report import ROOT, Goal, Section, Table, machine, one_thread, write
 
 from gridfold import Partition, build_model, load_case, partition
 from gridfold.dynamics.unit_limits import touched_held
-from gridfold.equivalents.folded import PORT_TOLERANCE
+from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.numerics.modal_form import modal_form
 from gridfold.partition.areas import study_buses
 from gridfold.partition.port_area import interface_weights, linearize_ports

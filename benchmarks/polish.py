@@ -12,7 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from folded_rows import ANGLE_DEG, WHOLE_DEG, candidates, fault_table, score_table, step_table
+from folded_rows import (
+    ANGLE_DEG,
+    WHOLE_DEG,
+    candidates,
+    fault_table,
+    score_table,
+    step_table,
+    warm_up,
+)
 from report import ROOT, Section, Table, machine, one_thread, write
 
 from gridfold import (
@@ -125,6 +133,7 @@ def zone_section(model: DetailedModel, zone: int) -> Section:
 
 def measure() -> list[object]:
     """Everything, as parts of a page."""
+    warm_up()
     began = time.process_time()
     model = build_model(load_case(FILE))
     seconds = time.process_time() - began

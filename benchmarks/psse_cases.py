@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from folded_rows import Candidate, Candidates, candidates, fault_table
+from folded_rows import Candidate, Candidates, candidates, fault_table, warm_up
 from report import ROOT, Section, Table, machine, one_thread, write
 
 from gridfold import (
@@ -174,6 +174,7 @@ def error_table(ready: Ready) -> Table:
 def measure() -> Section:
     """Measure everything."""
     began = time.perf_counter()
+    warm_up()
     all_ready = [prepare(study) for study in STUDIES]
     tables = (fact_table(all_ready), *(error_table(ready) for ready in all_ready))
     spent = time.perf_counter() - began

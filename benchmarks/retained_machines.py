@@ -25,7 +25,8 @@ from gridfold import (
     simulate,
     simulate_adaptive,
 )
-from gridfold.equivalents.folded import PORT_TOLERANCE, fold
+from gridfold.equivalents.area_bases import PORT_TOLERANCE
+from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ranking import Ranking, rank_retained
 from gridfold.equivalents.swings import FAULT_SECONDS
 from gridfold.runs.simulate import ModelStore

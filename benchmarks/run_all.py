@@ -30,6 +30,7 @@ def main() -> None:
         implicit_rule.measure,
         first_run.measure,
         reduced_models.measure,
+        second_case.measure,
     )
     for measure in measures:
         sections.append(measure())
@@ -40,7 +41,6 @@ def main() -> None:
         retained_machines.main,
         verdicts.main,
         psse_cases.main,
-        second_case.main,
     )
     for page in pages:
         print(page(), end="\n\n", flush=True)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chain import OFFSET, chain
-from folded_rows import ANGLE_DEG, WHOLE_DEG, candidates, fault_table, score_table, steps
-from report import Section, Table, machine, one_thread, write
+from folded_rows import ANGLE_DEG, WHOLE_DEG, candidates, fault_table, score_table, steps, warm_up
+from report import Section, Table, machine, one_thread
 
 from gridfold import BusFault, build_model, load_case, partition
 from gridfold.equivalents.families import Mode
@@ -21,7 +21,6 @@ STUDY_AREA = range(1, 37)
 BUSES = (3, 23)
 #: Duration of the faults in s; external machines that are retained; runs of each model.
 DURATION, RETAINED, REPETITIONS = 0.1, 8, 5
-PAGE = "chain.md"
 
 
 @dataclass(frozen=True)
@@ -68,10 +67,10 @@ def step_table(chains: Mapping[int, Measured]) -> Table:
 
 def measure() -> Section:
     """Measure every chain."""
+    warm_up()
     chains: dict[int, Measured] = {}
     for copies, t_end in CHAINS.items():
         chains[copies] = measure_chain(copies, t_end)
-        print(*chains[copies].tables, sep="\n\n", end="\n\n", flush=True)
     tables = (step_table(chains), *(table for one in chains.values() for table in one.tables))
     remarks = (
         "The study area is New England of the second copy, or of the only one: the same machines, "
@@ -87,13 +86,6 @@ def measure() -> Section:
     return Section("NPCC in a chain", "second_case.py", tables, remarks)
 
 
-def main() -> Section:
-    """Measure, and write the page."""
-    section = measure()
-    write(PAGE, "# Long chains", section, machine())
-    return section
-
-
 if __name__ == "__main__":
     one_thread()
-    main()
+    print(measure(), machine(), sep="\n\n")

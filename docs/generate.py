@@ -20,8 +20,8 @@ import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
+from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import COLUMN_NORM
-from gridfold.equivalents.folded import PORT_TOLERANCE
 from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS

@@ -8,9 +8,9 @@ from row_of_areas import row_of_areas
 
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
 from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
-from gridfold.equivalents.folded import PORT_TOLERANCE
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import (
     PORTED,

@@ -9,6 +9,7 @@ from scipy.linalg import expm
 import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
 from gridfold.equivalents import folded
+from gridfold.equivalents.area_bases import find_bases
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import fold, on_bases
 from gridfold.equivalents.model_kind import Weights
@@ -220,7 +221,7 @@ class NewBases:
         weights = self.bases.weights
         area = folded._linearized(self.ports, model, point.x, weights, self.governed)
         by_ports = port_swings(area, self.parts, self.swings)
-        bases = folded._bases(self.reducer, area, model, point.x, weights, by_ports)
+        bases = find_bases(self.reducer, area, model, point.x, weights, by_ports)
         moved = folded._projected(replace(self.family, bases=bases), area, model, point)
         return NewBases(moved, self.swings)
 

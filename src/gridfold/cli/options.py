@@ -346,7 +346,7 @@ class SwitchingOptions:
         float | None,
         _switching_option(
             help="Angle deviation (deg) up to which adaptive and linear models are linear throughout.",
-            show_default="10",
+            show_default="15",
         ),
     ] = None
     longest_above: Annotated[

@@ -44,7 +44,8 @@ from gridfold.simulation.segment import Piece, Segment
 
 #: Times closer than this (s) are one instant.
 _INSTANT = 1e-9
-#: Time (s) for which the detailed model stays in use once a limit was reached.
+#: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
+#: still reached, twice as long.
 LIMIT_DWELL = 0.1
 #: Models that may take over from one below them where a limit is reached.
 _FOLLOWING = (Mode.RETAINED, Mode.LINEAR)
@@ -118,6 +119,7 @@ class AdaptivePlan:
     above_since: float | None = None
     looked: bool = False
     at_limit: bool = False
+    patience: float = LIMIT_DWELL
     limits: list[LinearLimits | None] = field(default_factory=list)
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
     moved: dict[str, float] = field(default_factory=dict)
@@ -130,6 +132,10 @@ class AdaptivePlan:
         choice = self._choose(time, model, x)
         mode, reason = choice.mode, choice.reason
         small = None if mode is Mode.DETAILED else self.small.get(model, mode)
+        if small is None and mode is not Mode.DETAILED:
+            mode, reason = Mode.DETAILED, "the linear area cannot be joined to the rest here"
+            choice = Choice(mode, reason)
+        self._tell(time, model, mode)
         limits = None if small is None else self.small.limits(model, mode)
         reached = self._reached(limits, x)
         if reached:
@@ -137,7 +143,8 @@ class AdaptivePlan:
             small = None if mode is Mode.DETAILED else self.small.get(model, mode)
             limits = None if small is None else self.small.limits(model, mode)
             choice = Choice(mode, reason)
-            end = min(end, round(time + LIMIT_DWELL, 9))
+            self.patience = 2 * self.patience if self.at_limit else LIMIT_DWELL
+            end = min(end, round(time + self.patience, 9))
         if limits is not None and limits.held.names and self.rule.limits:
             end = min(end, round(time + LIMIT_DWELL, 9))
         end = min(end, max(choice.until, time + _INSTANT))
@@ -235,14 +242,17 @@ class AdaptivePlan:
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = _in_band(bands[level], worst)
-        choice = self._looking(
+        return self._looking(
             time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
         )
-        if choice.mode is not Mode.DETAILED:
-            self.told.setdefault(family.held_at_limits(choice.mode), time)
+
+    def _tell(self, time: float, model: DetailedModel, mode: Mode) -> None:
+        """Note how the model came about that is in use from now on, and what is at limits there."""
+        family = self.small.family_for(model)
+        if family is not None and mode is not Mode.DETAILED:
+            self.told.setdefault(family.held_at_limits(mode), time)
             if family is not self.small.family:
-                self.moved.setdefault(family.how, time)
-        return choice
+                self.moved.setdefault(family.how(mode), time)
 
     def _first_only(self, bands: Sequence[Band]) -> bool:
         """Whether the most exact model is in use all the time because the threshold is zero."""

@@ -10,6 +10,7 @@ import time as clock
 from dataclasses import dataclass, replace
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.area_bases import DENSE_UP_TO
 from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder, step_seconds
@@ -22,8 +23,9 @@ from gridfold.partition import Partition
 FACTOR = 0.8
 #: Reductions are begun where they are predicted to take less than this part of the detailed runs.
 OFFLINE_PART = 0.1
-#: Seconds that a reduction takes for each state of the external area, roughly.
-SECONDS_PER_STATE = 3e-3
+#: Seconds that the reductions of a ladder take for each state of the external area, roughly: of areas
+#: whose matrices are formed, and of those that are compressed.
+SECONDS_PER_STATE = (3e-3, 1.5e-2)
 #: How often the detailed step is timed; the fastest counts.
 _TRIES = 3
 #: Detailed runs that a new topology costs.
@@ -76,7 +78,7 @@ def choose_model(
     step = min(step_seconds(model, model.x0, stepper) for _ in range(_TRIES))
     total = work.runs * work.steps * step
     states = len(parts.states_of(parts.external_units))
-    expected = SECONDS_PER_STATE * states
+    expected = SECONDS_PER_STATE[states > DENSE_UP_TO] * states
     runs = (
         f"{work.runs} detailed {'run takes' if work.runs == 1 else 'runs take'} about {total:.2g} s"
     )

@@ -98,9 +98,8 @@ class ModelFamily(Protocol):
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
 
-    @property
-    def how(self) -> str:
-        """How it came about, for the log."""
+    def how(self, mode: Mode) -> str:
+        """How the model `mode` came about, for the log."""
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of linear units that act at the operating point: what they hold is frozen."""
@@ -165,8 +164,7 @@ class ReducedExternal:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
 
-    @property
-    def how(self) -> str:
+    def how(self, mode: Mode) -> str:
         """Every operating point has a linearization and a reduction of its own."""
         return "linearized and reduced anew"
 
@@ -318,8 +316,7 @@ class WholeSystem:
         """The hybrid and the linear model."""
         return Mode.HYBRID, Mode.LINEAR
 
-    @property
-    def how(self) -> str:
+    def how(self, mode: Mode) -> str:
         """Every operating point has a linearization and a reduction of its own."""
         return "linearized and reduced anew"
 

@@ -23,69 +23,28 @@ from gridfold.dynamics.port_model import (
     build_port_model,
     port_coordinates,
 )
-from gridfold.dynamics.port_rhs import LinearPorts, PowerInputs
+from gridfold.dynamics.port_rhs import LinearPorts
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
+from gridfold.equivalents.area_bases import PORT_TOLERANCE, Bases, find_bases, in_modes, missed
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.modal_form import ModalForm, modal_form
+from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition.port_area import PortArea, interface_weights, linearize_ports
 from gridfold.partition.ports import Ports, find_ports
 from gridfold.reduction import BalancedTruncation, Reducer
-from gridfold.reduction.order import OrderRule
-from gridfold.reduction.slow_modes import slow_modes
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
 from gridfold.systems.statemap import StateMap
 
-#: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
-#: at ports and kept machines in p.u., for port voltages that swing as in the samples.
-PORT_TOLERANCE = 1e-3
-#: Frequency in Hz at which it is looked how much bases miss of an area, and how many times as much as
-#: of the intact network's area, or as the bound, they may miss of another one.
-CHECKED_AT, MOST_MISSED = 0.7, 10.0
-#: States of an area up to which its matrix is formed to be reduced.
-DENSE_UP_TO = 500
-
-
-@dataclass(frozen=True)
-class Bases:
-    """What a linear area is projected on: x = x0 + T~ z and z = T (x - x0).
-
-    Parameters
-    ----------
-    lift, restrict : ndarrays, shapes (n, r) and (r, n)
-        T~ and T.
-    weights : ndarray, shape (2 n_ports, 2 n_ports)
-        How changes of the port currents count, :func:`interface_weights`.
-    input_weights : ndarray, shape (2 n_ports, 2 n_ports)
-        How changes of the port voltages count, :func:`port_swings`.
-    miss : float
-        Error of the transfer matrix of the intact network's area on them, :func:`_miss`.
-    hankel_values : ndarray or None
-        Hankel singular values from changes of the port voltages to what is caused, in p.u.
-    bound : float or None
-        The bound (6) in the same unit, for the truncation without the common turn of all angles.
-    """
-
-    lift: NDArray[np.float64] = field(repr=False)
-    restrict: NDArray[np.float64] = field(repr=False)
-    weights: NDArray[np.float64] = field(repr=False)
-    input_weights: NDArray[np.float64] = field(repr=False)
-    miss: float
-    hankel_values: NDArray[np.float64] | None = field(repr=False)
-    bound: float | None
-
-    @property
-    def order(self) -> int:
-        """Number r of coordinates."""
-        return int(self.lift.shape[1])
+#: How many times as much as of the intact area, or as the bound, bases may miss of another one.
+MOST_MISSED = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +81,7 @@ class FoldedArea:
         Limits of linear units that act there.
     governed : tuple of UnitKey
         Linear units whose prime movers are exact, because any swing takes them to a limit.
-    how : str
+    made : str
         How it came about, for the log.
     """
 
@@ -139,7 +98,7 @@ class FoldedArea:
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
     governed: tuple[UnitKey, ...] = ()
-    how: str = "reduced at the equilibrium of the intact network"
+    made: str = "reduced at the equilibrium of the intact network"
 
     @property
     def mode(self) -> Mode:
@@ -160,6 +119,10 @@ class FoldedArea:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    def how(self, mode: Mode) -> str:
+        """How it came about."""
+        return self.made
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of linear units that act at the operating point."""
@@ -203,16 +166,18 @@ class FoldedArea:
         machines are out, whose part in the common turn the bases know: then it is reduced anew.
         """
         area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
-        miss, usual = _miss(self.bases, area), self.bases.miss
+        applied = area.system.apply(self.bases.lift)
+        miss, usual = missed(self.bases, area, applied), self.bases.miss
         told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
         out = model.state.units_out.intersection(self.ports.units)
         if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
-            known = replace(self, how=f"linearized anew; {told}")
+            known = replace(self, made=f"linearized anew; {told}")
         else:
             old = self.bases
-            bases = _bases(self.reducer, area, model, point.x, old.weights, old.input_weights)
-            known = replace(self, bases=bases, how=f"reduced anew: {told}")
-        return _projected(known, area, model, point)
+            bases = find_bases(self.reducer, area, model, point.x, old.weights, old.input_weights)
+            known = replace(self, bases=bases, made=f"reduced anew: {told}")
+            applied = area.system.apply(bases.lift)
+        return _projected(known, area, model, point, applied)
 
     def _places(self, model: DetailedModel) -> PortCoordinates:
         return port_coordinates(model, self.ports.units, self.area.state_index, self.states)
@@ -294,7 +259,7 @@ def fold(
     by_ports = np.zeros((0, 0))
     if weights is Weights.INTERFACE:
         by_ports = port_swings(area, parts, sample_swings(parts) if swings is None else swings)
-    bases = _bases(chosen, area, parts.model, point.x, at_ports, by_ports)
+    bases = find_bases(chosen, area, parts.model, point.x, at_ports, by_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -310,83 +275,6 @@ def on_bases(
     governed = limited_by_any_swing(parts.model, point.x, ports.units)
     area = _linearized(ports, parts.model, point.x, bases.weights, governed)
     return _about(parts, couple(parts), retained, ports, reducer, bases, area, point)
-
-
-def _bases(
-    reducer: Reducer,
-    area: PortArea,
-    model: DetailedModel,
-    x: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    input_weights: NDArray[np.float64],
-) -> Bases:
-    """Bases by which `reducer` truncates the area about the state `x` of `model`.
-
-    The common turn of all angles stays exact, but for reducers that are not balanced. Without input
-    weights, (0, 0), all states count alike.
-    """
-    reference = area.x0
-    if input_weights.size:
-        system = area.driven.with_input_weights(input_weights)
-    else:
-        system = area.driven.with_outputs(np.eye(area.system.n))
-    if not isinstance(reducer, BalancedTruncation):
-        found = reducer.reduce(system.dense(), reference)
-        maps, values = found.state_map, found.hankel_values
-        return _checked(
-            Bases(
-                maps.lift_matrix,
-                maps.restrict_matrix,
-                weights,
-                input_weights,
-                0.0,
-                values,
-                found.bound,
-            ),
-            area,
-        )
-    small = system.n <= DENSE_UP_TO
-    found = reducer.reduce(
-        system.dense() if small else system, reference, _exact(reducer, area, model, x)
-    )
-    maps, values = found.state_map, found.hankel_values
-    assert values is not None
-    rule = OrderRule(reducer.tolerance, reducer.order)
-    bound = 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
-    return _checked(
-        Bases(maps.lift_matrix, maps.restrict_matrix, weights, input_weights, 0.0, values, bound),
-        area,
-    )
-
-
-def _checked(bases: Bases, area: PortArea) -> Bases:
-    return replace(bases, miss=_miss(bases, area))
-
-
-def _miss(bases: Bases, area: PortArea) -> float:
-    """Error of the transfer matrix of the projected area at a frequency of electromechanical swings.
-
-    Largest change of the voltages at ports and kept machines, in p.u., for port voltages that swing as
-    in the samples; without input weights for changes of 1 rad or by the factor e.
-    """
-    system, s = area.driven, CHECKED_AT * 2j * np.pi
-    if bases.input_weights.size:
-        system = system.with_input_weights(bases.input_weights)
-    a = bases.restrict @ system.apply(bases.lift)
-    small = np.linalg.solve(s * np.eye(bases.order) - a, bases.restrict @ system.b)
-    return float(np.linalg.norm(system.transfer_once(s) - system.c @ (bases.lift @ small), 2))
-
-
-def _exact(
-    reducer: BalancedTruncation, area: PortArea, model: DetailedModel, x: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """States that stay exact: the common turn and, if wanted, slow modes of the whole grid."""
-    if reducer.slow_modes is None:
-        return area.turn
-    smooth = touched_held(model, x, area.ports.units)
-    _, vectors = slow_modes(grid_descriptor(smooth, x), reducer.slow_modes)
-    inside = vectors[area.state_index]
-    return np.hstack([area.turn, inside.real, inside.imag])
 
 
 def _linearized(
@@ -425,7 +313,7 @@ def _about(
     area: PortArea,
     point: Equilibrium,
 ) -> FoldedArea:
-    linear_ports, states = _in_modes(bases, area)
+    linear_ports, states = in_modes(bases, area)
     at_limits = _at_limits(parts.model, point.x, ports, area)
     governed = area.movers.units if area.movers is not None else ()
     return FoldedArea(
@@ -435,9 +323,14 @@ def _about(
 
 
 def _projected(
-    known: FoldedArea, area: PortArea, model: DetailedModel, point: Equilibrium
+    known: FoldedArea,
+    area: PortArea,
+    model: DetailedModel,
+    point: Equilibrium,
+    applied: NDArray[np.float64] | None = None,
 ) -> FoldedArea:
-    linear_ports, states = _in_modes(known.bases, area)
+    """The area about another point; `applied` is A T~ there, if that is known."""
+    linear_ports, states = in_modes(known.bases, area, applied)
     return replace(
         known,
         area=area,
@@ -447,45 +340,3 @@ def _projected(
         rate=point.rate,
         at_limits=_at_limits(model, point.x, known.ports, area),
     )
-
-
-def _in_modes(bases: Bases, area: PortArea) -> tuple[LinearPorts, StateMap]:
-    """The area projected on its bases, with coordinates that do not see each other."""
-    lift, restrict = bases.lift, bases.restrict
-    form = modal_form(restrict @ area.system.apply(lift))
-    if form is None:
-        raise OptionError(
-            "the modes of the reduced area cannot be told apart; choose another order"
-        )
-    order, n_pairs = _pairs_apart(form)
-    lift, restrict = lift @ form.basis[:, order], form.inverse[order] @ restrict
-    first_of_pairs = len(order) - 2 * n_pairs
-    return LinearPorts(
-        diagonal=form.diagonal[order],
-        coupling=form.coupling[order][first_of_pairs : first_of_pairs + n_pairs],
-        b=restrict @ area.system.b,
-        offset=restrict @ area.drift,
-        c=area.log_slopes @ lift,
-        current=area.current,
-        voltage=area.voltage,
-        turned=area.turned,
-        movers=_power_inputs(area, lift, restrict),
-    ), StateMap(area.x0, lift, restrict)
-
-
-def _power_inputs(
-    area: PortArea, lift: NDArray[np.float64], restrict: NDArray[np.float64]
-) -> PowerInputs | None:
-    """The exact prime movers of the area's machines as its coordinates know them."""
-    at = area.movers
-    if at is None:
-        return None
-    return PowerInputs(at.units, at.speed, at.power, area.speeds @ lift, restrict @ area.powers)
-
-
-def _pairs_apart(form: ModalForm) -> tuple[NDArray[np.int64], int]:
-    """Real modes first, then the first coordinate of each pair, then the second; and the pairs."""
-    every = np.arange(len(form.partner))
-    first = np.flatnonzero(form.partner > every)
-    real = np.flatnonzero(form.partner == every)
-    return np.concatenate([real, first, form.partner[first]]), len(first)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,14 @@ from gridfold.numerics.steppers import RungeKutta4, Stepper
 from gridfold.partition import Partition
 from gridfold.simulation.run import run_segments
 from gridfold.simulation.segment import Segment
+from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.protocol import System
 
 #: Steps by which a rung's cost is measured, and how often; the fastest counts.
 _STEPS, _TIMES = 200, 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ladder:
     """Models of one partitioned system, the most exact first.
 
@@ -43,11 +45,14 @@ class Ladder:
     step_seconds : mapping
         What a step of each rung took on the machine that measured it, in seconds; empty takes every
         rung for cheaper than the one above it.
+    place : Place, optional
+        Another operating point; each area moves there when a rung first needs it.
     """
 
     areas: tuple[FoldedArea, ...]
     whole: bool = False
     step_seconds: Mapping[Mode, float] = field(default_factory=dict)
+    place: Place | None = None
 
     @property
     def rungs(self) -> tuple[Mode, ...]:
@@ -89,12 +94,11 @@ class Ladder:
     @property
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
-        return self.areas[0].origin
+        return self.areas[0].origin if self.place is None else self.place.point.x
 
-    @property
-    def how(self) -> str:
-        """How its areas came about."""
-        return "; ".join(dict.fromkeys(area.how for area in self.areas))
+    def how(self, mode: Mode) -> str:
+        """How the area of a rung came about."""
+        return self._area(mode).how(mode)
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of the units that are linear in `mode` that act at the operating point."""
@@ -106,8 +110,7 @@ class Ladder:
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
         """About another operating point; what steps cost is known."""
-        grid = grid_descriptor(model, point.x)
-        return replace(self, areas=tuple(area.moved(model, point, grid) for area in self.areas))
+        return replace(self, place=Place(model, point))
 
     def measured(self, stepper: Stepper | None = None) -> Ladder:
         """The same with what a step of each rung takes on this machine, by Runge-Kutta if not told."""
@@ -124,7 +127,26 @@ class Ladder:
 
     def _area(self, mode: Mode) -> FoldedArea:
         """The folded area of a rung; throughout linear is the one with the fewest states."""
-        return next((area for area in self.areas if area.mode is mode), self.areas[-1])
+        area = next((area for area in self.areas if area.mode is mode), self.areas[-1])
+        return area if self.place is None else self.place.moved(area)
+
+
+class Place:
+    """An operating point other than that of the intact network, and the areas that have moved there."""
+
+    def __init__(self, model: DetailedModel, point: Equilibrium) -> None:
+        self.model, self.point = model, point
+        self._areas: dict[int, FoldedArea] = {}
+
+    def moved(self, area: FoldedArea) -> FoldedArea:
+        """The area about this point."""
+        if id(area) not in self._areas:
+            self._areas[id(area)] = area.moved(self.model, self.point, self._grid)
+        return self._areas[id(area)]
+
+    @cached_property
+    def _grid(self) -> DescriptorSystem:
+        return grid_descriptor(self.model, self.point.x)
 
 
 def step_seconds(system: System, start: NDArray[np.float64], stepper: Stepper) -> float:

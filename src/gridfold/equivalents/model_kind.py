@@ -95,9 +95,9 @@ ANGLES_DEG = {
     ModelKind.PAPER_WHOLE: 6.0,
 }
 #: Angle deviation in degrees up to which everything is linear, in the ladder and the linear model.
-WHOLE_DEG = 10.0
+WHOLE_DEG = 15.0
 #: Time (s) for which the deviation stays below a threshold before the ladder takes a cheaper rung.
-DWELL = 1.0
+DWELL = 0.5
 #: Time (s) above the threshold after which the operating point is looked for anew.
 LONGEST_ABOVE = 5.0
 #: Bound of the balanced truncation in the paper.

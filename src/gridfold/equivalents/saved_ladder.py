@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.area_bases import Bases
 from gridfold.equivalents.families import Mode
-from gridfold.equivalents.folded import Bases, FoldedArea, on_bases
+from gridfold.equivalents.folded import FoldedArea, on_bases
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Outputs
 from gridfold.grid.case import UnitKey

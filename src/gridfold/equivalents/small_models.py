@@ -31,7 +31,7 @@ class _Known:
 
     complete: bool = False
     family: ModelFamily | None = None
-    models: dict[tuple[NetworkState, Mode], SmallModel] = field(default_factory=dict)
+    models: dict[tuple[NetworkState, Mode], SmallModel | None] = field(default_factory=dict)
     limits: dict[tuple[NetworkState, Mode], LinearLimits | None] = field(default_factory=dict)
     watches: dict[tuple[NetworkState, Mode], AngleWatches] = field(default_factory=dict)
     lock: RLock = field(default_factory=RLock)
@@ -125,7 +125,10 @@ class SmallModels:
                 return None
             with self._building(known):
                 if key not in known.models:
-                    known.models[key] = family.build(mode, model)
+                    try:
+                        known.models[key] = family.build(mode, model)
+                    except OptionError:
+                        known.models[key] = None
         return known.models[key]
 
     def _topology(self, model: DetailedModel) -> _Known:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.islands import Islands
 from gridfold.grid.timeline import Stage
 
 _LISTED = 8
@@ -42,6 +43,9 @@ def in_order(*notices: Notice) -> tuple[Notice, ...]:
 
 def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
     now = model.equations.islands
+    whole = before is None and now.energized.all() and not now.labels.any()
+    if whole or (before is not None and _same(before.equations.islands, now)):
+        return
     known: set[frozenset[int]] = set()
     dead_before: set[int] = set()
     case = model.case
@@ -70,6 +74,11 @@ def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterato
     back = sorted(dead_before - dead_now)
     if back:
         yield f"{_name(back)} energized again"
+
+
+def _same(before: Islands, now: Islands) -> bool:
+    same = np.array_equal(before.labels, now.labels)
+    return same and np.array_equal(before.energized, now.energized)
 
 
 def _name(buses: Sequence[int]) -> str:

@@ -75,14 +75,16 @@ def last_event(run: Trajectory) -> float:
 def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
     """Lowest and highest voltage of energized buses from the last event on."""
     final = run.models[len(run.run.pieces) - 1]
-    first = int(np.searchsorted(run.times, last_event(run)))
     on = np.flatnonzero(final.equations.islands.energized)
-    voltage = run.bus_voltage()[first:, on].T
-    squared = voltage.real**2 + voltage.imag**2
-    result = []
-    for pick in (np.argmin, np.argmax):
-        row, column = np.unravel_index(pick(squared), squared.shape)
-        bus = run.model.case.buses[on[row]].number
-        value = float(abs(voltage[row, column]))
-        result.append(Extreme(value, bus, float(run.times[first + column])))
-    return result[0], result[1]
+    lowest = highest = Extreme(np.nan, 0, 0.0)
+    for times, voltages in run.voltage_blocks(last_event(run)):
+        voltage = voltages[:, on].T
+        squared = voltage.real**2 + voltage.imag**2
+        found = []
+        for pick in (np.argmin, np.argmax):
+            row, column = np.unravel_index(pick(squared), squared.shape)
+            bus = run.model.case.buses[on[row]].number
+            found.append(Extreme(float(abs(voltage[row, column])), bus, float(times[column])))
+        lowest = lowest if found[0].value >= lowest.value else found[0]
+        highest = highest if found[1].value <= highest.value else found[1]
+    return lowest, highest

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -30,6 +30,9 @@ from gridfold.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
+
+#: Rows of the voltages of all buses that are made together.
+_ROWS = 128
 
 
 class AngleReference(Enum):
@@ -178,6 +181,19 @@ class Trajectory:
                 raise OptionError(f"there is no bus {bus} in case {self.model.case.name}")
         voltages = self._bus_voltages
         return voltages if buses is None else voltages[:, [index[bus] for bus in buses]]
+
+    def voltage_blocks(
+        self, start: float
+    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.complex128]]]:
+        """Times (s) from `start` on and the phasors of all buses there, a few rows at once.
+
+        All rows of a large grid together do not fit the processor's cache.
+        """
+        for part in self._parts:
+            times, states = part.times, part.states
+            for first in range(int(np.searchsorted(times, start)), len(times), _ROWS):
+                rows = slice(first, first + _ROWS)
+                yield times[rows], part.model.bus_voltages(states[rows])
 
     def to_pandas(self, signals: Sequence[str] = ()) -> pd.DataFrame:
         """A table with ``time``, ``angle_deg:BUS:ID``, ``speed_pu:BUS:ID`` and ``voltage_pu:BUS``.

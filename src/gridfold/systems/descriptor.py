@@ -157,12 +157,12 @@ class DescriptorSystem:
             raise OptionError(f"{s} is an eigenvalue of the system") from None
         return Resolvent(factors, self.n, order)
 
-    def transfer_once(self, s: complex) -> NDArray[np.complex128]:
-        """C (s I - A)^-1 B at one frequency, (p, m), where no other will be asked for."""
+    def transfer_once(self, s: float) -> Matrix:
+        """C (s I - A)^-1 B at one real s in 1/s, (p, m), where no other will be asked for."""
         matrix = block_array([[self.a11, self.a12], [self.a21, self.a22]], format="csc")
         unit = diags_array((np.arange(matrix.shape[0]) < self.n).astype(float), format="csc")
         factors = splu(matrix - s * unit, permc_spec="MMD_AT_PLUS_A", **_FACTORS)
-        solution = factors.solve(np.vstack([-self.b1, -self.b2]).astype(np.complex128))
+        solution = factors.solve(np.vstack([-self.b1, -self.b2]))
         return np.asarray(self.c @ solution[: self.n])
 
     @cached_property
