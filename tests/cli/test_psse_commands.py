@@ -259,11 +259,14 @@ def test_files_and_options_that_do_not_fit_are_refused_by_name(command, argument
     assert solid(words) in solid(refusal(command, "eigenvalues", *arguments))
 
 
+TWO_AREAS = Path(__file__).parents[2] / "examples" / "psse_study"
+
+
 @pytest.mark.parametrize(
-    ("model", "how"), [("hybrid", ("--outputs", "states")), ("retained", ("--retain", 1))]
+    ("model", "how"), [("hybrid", ("--outputs", "states")), ("retained", ("--retain-buses", 22))]
 )
 def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
-    raw, dyr = public(KUNDUR)
+    raw, dyr = TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr"
     area, path = ("--study-areas", 1), tmp_path / "k.npz"
     facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--save", path)
     assert facts["load_model"] == "raw"
@@ -274,9 +277,12 @@ def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
     assert "has loads raw, the model of the case z" in refusal(command, *begin)
 
 
-def test_where_all_external_machines_are_retained_that_is_said(command):
-    said = "all external machines are retained: none is left to be linear"
-    assert said in refusal(command, "reduce", *public(KUNDUR), "--study-areas", 1)
+def test_where_all_external_machines_are_retained_that_and_why_are_said(command):
+    files = (TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr")
+    said = refusal(command, "reduce", *files, "--study-areas", 1)
+    assert "all external machines are retained: none is left to be linear" in said
+    said = refusal(command, "reduce", *public(KUNDUR), "--study-areas", 1, "--retain", 0)
+    assert "retained, 2 of them because their limits act in sample swings: none is left" in said
 
 
 def test_kundur_skips_the_switching_record_of_andes(command):

@@ -179,9 +179,20 @@ class ModelSettings:
         return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
 
     def retained(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
-        """External machines that stay exact: those chosen, and those whose limits act."""
-        found = {item.unit for item in limited_units(parts, swings)}
-        found |= set(self.retain.choose(parts, swings))
+        """External machines that stay exact: those chosen, and those whose limits act.
+
+        Raises
+        ------
+        OptionError
+            None is left to be linear.
+        """
+        limited = {item.unit for item in limited_units(parts, swings)}
+        found = limited | set(self.retain.choose(parts, swings))
+        if limited and len(found) == len(parts.external_units):
+            raise OptionError(
+                f"all external machines are retained, {len(limited)} of them because their limits act "
+                "in sample swings: none is left to be linear"
+            )
         return tuple(unit for unit in parts.external_units if unit in found)
 
     def of_areas(
