@@ -281,8 +281,6 @@ def test_where_all_external_machines_are_retained_that_and_why_are_said(command)
     files = (TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr")
     said = refusal(command, "reduce", *files, "--study-areas", 1)
     assert "all external machines are retained: none is left to be linear" in said
-    said = refusal(command, "reduce", *public(KUNDUR), "--study-areas", 1, "--retain", 0)
-    assert "retained, 2 of them because their limits act in sample swings: none is left" in said
 
 
 def test_kundur_skips_the_switching_record_of_andes(command):

@@ -50,7 +50,7 @@ def test_a_reduction_that_cannot_pay_is_not_begun(parts, monkeypatch):
     states = len(parts.states_of(parts.external_units))
     found = choose(SETTINGS, parts.model, parts, Work(1, 1600))
     assert (found.kind, found.family) == (ModelKind.DETAILED, None)
-    seconds = f"{auto.SECONDS_PER_STATE * states:.2g}"
+    seconds = f"{auto.SECONDS_PER_STATE[0] * states:.2g}"
     assert found.reason == (
         "1 detailed run takes about 0.016 s; "
         f"to reduce {states} external states would take about {seconds} s"

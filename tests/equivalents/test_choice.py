@@ -72,10 +72,10 @@ def test_ports_are_refused_by_models_that_form_states(kind):
 @pytest.mark.parametrize(
     ("kind", "rule"),
     [
-        (ModelKind.LINEAR, SwitchingRule(10.0, INFINITE, dwell=1.0)),
+        (ModelKind.LINEAR, SwitchingRule(15.0, INFINITE, dwell=0.5)),
         (ModelKind.RETAINED, SwitchingRule(0.0, longest_above=INFINITE)),
-        (ModelKind.ADAPTIVE, SwitchingRule(67.0, whole_deg=10.0, dwell=1.0)),
-        (ModelKind.WHOLE, SwitchingRule(6.0, dwell=1.0)),
+        (ModelKind.ADAPTIVE, SwitchingRule(67.0, whole_deg=15.0, dwell=0.5)),
+        (ModelKind.WHOLE, SwitchingRule(6.0, dwell=0.5)),
         (ModelKind.HYBRID, SwitchingRule(0.0)),
         (ModelKind.PROJECTED, SwitchingRule(0.0)),
         (ModelKind.PAPER, SwitchingRule(67.0)),
@@ -91,10 +91,10 @@ def test_thresholds_that_are_given_take_the_place_of_the_defaults():
     adaptive, paper = (
         ModelSettings(kind, **options).rule for kind in (ModelKind.ADAPTIVE, ModelKind.PAPER)
     )
-    assert adaptive == SwitchingRule(30.0, 1.0, whole_deg=2.0, dwell=1.0)
+    assert adaptive == SwitchingRule(30.0, 1.0, whole_deg=2.0, dwell=0.5)
     assert paper == SwitchingRule(30.0, 1.0)
     linear = ModelSettings(ModelKind.LINEAR, whole_deg=2.0)
-    assert linear.rule == SwitchingRule(2.0, INFINITE, dwell=1.0)
+    assert linear.rule == SwitchingRule(2.0, INFINITE, dwell=0.5)
     assert replace(linear, outputs=STATES).rule.angle_deg == INFINITE
 
 
@@ -184,7 +184,7 @@ def test_without_a_machine_to_retain_the_upper_rung_is_the_linear_one(parts, fal
     assert found.modes == (Mode.LINEAR, Mode.LINEAR, Mode.WHOLE)
     assert found.areas[0] is found.areas[1]
     bands = ModelSettings(ModelKind.ADAPTIVE).rule.bands(found.modes)
-    assert [(band.mode, band.lowest) for band in bands] == [(Mode.LINEAR, 10.0), (Mode.WHOLE, 0.0)]
+    assert [(band.mode, band.lowest) for band in bands] == [(Mode.LINEAR, 15.0), (Mode.WHOLE, 0.0)]
 
 
 def test_models_of_the_paper_have_its_forms(parts):
@@ -249,7 +249,7 @@ def test_a_family_of_another_form_is_refused(parts, ladder):
 def test_the_record_of_a_ladder_tells_its_rungs_and_what_a_step_takes(ladder):
     record = ModelSettings(ModelKind.ADAPTIVE).record(ladder)
     assert record["kept"] == ["21:1"]
-    assert (record["angle_deg"], record["whole_deg"], record["longest_above"]) == (67, 10, 5)
+    assert (record["angle_deg"], record["whole_deg"], record["longest_above"]) == (67, 15, 5)
     assert (record["outputs"], record["coupling"]) == ("polar", "exact")
     assert record["order"] == ladder.areas[0].bases.order
     assert record["bound"] == ladder.areas[0].bases.bound <= PORT_TOLERANCE

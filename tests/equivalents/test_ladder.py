@@ -81,8 +81,11 @@ def test_a_ladder_moves_with_both_areas_and_keeps_its_costs(npcc, ladder):
     point = find_equilibrium(model, npcc.x0)
     known = replace(ladder, step_seconds=costs(4, 3, 2, 1))
     moved = known.moved(model, point)
-    for area in moved.areas:
-        np.testing.assert_array_equal(area.origin, point.x)
+    for mode in (RETAINED, LINEAR):
+        assert moved.how(mode).startswith("linearized anew")
+        coordinates = moved.build(mode, model).coordinates
+        again = coordinates.lift(coordinates.restrict(point.x))
+        np.testing.assert_allclose(again, point.x, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(moved.origin, point.x)
     assert moved.step_seconds == known.step_seconds
     assert moved.rungs == ladder.rungs
