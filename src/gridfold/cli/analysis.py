@@ -47,6 +47,7 @@ from gridfold.report.tables import (
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, area_ties
 from gridfold.runs.clearing_time import ClearingTime, critical_clearing_times
+from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.small_signal import SmallSignal, small_signal
 
 
@@ -199,9 +200,17 @@ def cct(
     criterion = runs.criterion
     grid = source.build()
     basis = basis_of(grid)
-    method = runs.choose(grid)
-    steps = round(runs.t_end / method.stepper.step)
-    work = Work(_RUNS_PER_FAULT * len(faults), steps)
+    count = _RUNS_PER_FAULT * len(faults)
+    method = choose_for_many(
+        grid,
+        [(fault,) for fault in faults],
+        runs.method,
+        runs.step,
+        runs=count,
+        t_end=runs.t_end,
+        criterion=criterion,
+    )
+    work = Work(count, round(runs.t_end / method.stepper.step))
     simulator = choice.build(grid, source.case, work, method.stepper)
     with stage_bars() as bars:
         times = critical_clearing_times(

@@ -148,7 +148,10 @@ class RunOptions:
     ] = None
     method: Annotated[
         Method,
-        run_option(help="Integration rule; auto: rk4, or trapezoidal where that is unstable."),
+        run_option(
+            help="Integration rule; auto: rk4, trapezoidal where that is unstable, abm4 for many "
+            "runs where a trial shows that it is exact enough."
+        ),
     ] = Method.AUTO
     angle_limit: Annotated[
         float,

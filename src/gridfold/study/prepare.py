@@ -33,6 +33,7 @@ from gridfold.partition import Partition, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import basis_of
 from gridfold.runs.loading import load_case
+from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -60,6 +61,8 @@ class Offline:
         Its operating point.
     study_buses : frozenset of int
         The study area; empty where the detailed model needs none.
+    method : Choice
+        Integration rule and step of all runs.
     settings : ModelSettings
         The model that is simulated, with thresholds as given or calibrated.
     reason : str or None
@@ -74,6 +77,7 @@ class Offline:
     case: Case
     power_flow: PowerFlowResult
     study_buses: frozenset[int]
+    method: Choice
     settings: ModelSettings
     reason: str | None
     reduced: bytes | None
@@ -84,7 +88,7 @@ class Offline:
         """What tells one study from another."""
         digest = hashlib.sha256(self.case.fingerprint.encode())
         digest.update(self.study.model_dump_json().encode())
-        digest.update(repr((self.settings, sorted(self.study_buses))).encode())
+        digest.update(repr((self.settings, self.method, sorted(self.study_buses))).encode())
         digest.update(self.reduced or b"")
         return digest.hexdigest()
 
@@ -135,11 +139,16 @@ def do_offline_work(
     contingencies = list_contingencies(study, case, buses, folder)
     model = _build(study, case, power_flow, load_devices(device_files))
     parts = partition(model, buses) if buses else None
-    settings, reason, family = _chosen(study, model, parts, contingencies, workers, earlier)
+    method = _method(study, model, contingencies, earlier)
+    settings, reason, family = _chosen(
+        study, model, parts, method.stepper, contingencies, workers, earlier
+    )
     reduced = None
     if isinstance(family, Ladder | ReducedExternal):
         reduced = _saved(family, settings.norm)
-    offline = Offline(study, case, power_flow, buses, settings, reason, reduced, device_files)
+    offline = Offline(
+        study, case, power_flow, buses, method, settings, reason, reduced, device_files
+    )
     return offline, contingencies
 
 
@@ -164,7 +173,6 @@ def prepare(offline: Offline) -> Prepared:
     """
     study = offline.study
     model = _build(study, offline.case, offline.power_flow, offline.devices)
-    method = choose_stepper(model, study.run.method, study.run.step)
     criterion = SynchronismCriterion(study.run.angle_limit_deg)
     intact = {initial_state(model.case): model}
     parts, family = _family(offline, model)
@@ -175,7 +183,7 @@ def prepare(offline: Offline) -> Prepared:
             small.get(model, mode)
             small.limits(model, mode)
     rule = offline.settings.rule
-    return Prepared(study, model, method, criterion, parts, small, rule, intact)
+    return Prepared(study, model, offline.method, criterion, parts, small, rule, intact)
 
 
 def _source(source: str, folder: Path) -> str | Path:
@@ -210,10 +218,29 @@ def _build(
     return build_model(case, power_flow, devices=devices, on_limit=study.case.on_limit, loads=loads)
 
 
+def _method(
+    study: Study,
+    model: DetailedModel,
+    contingencies: tuple[Contingency, ...],
+    earlier: Mapping[str, Any] | None,
+) -> Choice:
+    """The integration rule of all runs; that of the earlier ones if the study goes on."""
+    run = study.run
+    if earlier is not None:
+        stepper = choose_stepper(model, earlier["method"], earlier["step"]).stepper
+        return Choice(stepper, earlier["method_reason"])
+    disturbances = [item.events for item in contingencies]
+    criterion = SynchronismCriterion(run.angle_limit_deg)
+    return choose_for_many(
+        model, disturbances, run.method, run.step, t_end=run.t_end, criterion=criterion
+    )
+
+
 def _chosen(
     study: Study,
     model: DetailedModel,
     parts: Partition | None,
+    stepper: Stepper,
     contingencies: tuple[Contingency, ...],
     workers: int | None,
     earlier: Mapping[str, Any] | None,
@@ -223,7 +250,6 @@ def _chosen(
     if earlier is not None:
         kind, reason = ModelKind(earlier["model"]), earlier.get("model_reason")
     settings = study.model.settings(kind)
-    stepper = choose_stepper(model, study.run.method, study.run.step).stepper
     if kind is ModelKind.AUTO:
         settings = study.model.settings(ModelKind.ADAPTIVE)
         work = _work(study, stepper, contingencies)
@@ -232,7 +258,7 @@ def _chosen(
     if kind is ModelKind.DETAILED or parts is None:
         return settings, reason, None
     if study.model.calibrate:
-        settings = _calibrated(study, settings, parts, contingencies, workers)
+        settings = _calibrated(study, settings, parts, stepper, contingencies, workers)
     family = settings.build(parts, stepper)
     if isinstance(family, Ladder) and earlier is not None:
         known = earlier.get("step_seconds", {})
@@ -250,6 +276,7 @@ def _calibrated(
     study: Study,
     settings: ModelSettings,
     parts: Partition,
+    stepper: Stepper,
     contingencies: tuple[Contingency, ...],
     workers: int | None,
 ) -> ModelSettings:
@@ -273,7 +300,7 @@ def _calibrated(
         parts,
         faults,
         t_end=study.run.t_end,
-        stepper=choose_stepper(parts.model, study.run.method, study.run.step).stepper,
+        stepper=stepper,
         reducer=settings.reduction.build(ported=False),
         limit_deg=wanted.largest_error_deg,
         what=what,
