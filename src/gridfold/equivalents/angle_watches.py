@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import ModelFamily, SmallModel
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.watch import BandWatch, Watch
-from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
+from gridfold.runs.synchronism import AngleFrame, SynchronismCriterion, angle_frame
 
 
 class AngleWatches:
@@ -37,9 +39,13 @@ class AngleWatches:
         if family is not None:
             self._reference = int(model.slots("rotor_angle", (family.reference_unit,))[0])
             self._start = family.origin[self._angles] - family.origin[self._reference]
-        self._frame = angle_frame(model)
+        self._model = model
         self._stops: dict[SynchronismCriterion, Watch] = {}
         self._bands: dict[tuple[float, bool, int], Watch] = {}
+
+    @cached_property
+    def _frame(self) -> AngleFrame:
+        return angle_frame(self._model)
 
     def largest_deviation(self, x: NDArray[np.float64]) -> float:
         """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""

@@ -15,7 +15,7 @@ from gridfold.errors import OptionError
 from gridfold.numerics.steppers.base import Integration, Stepper, time_grid
 from gridfold.numerics.watch import Watch, first_fired
 from gridfold.simulation.segment import Piece, Segment
-from gridfold.systems.protocol import ClosedForm
+from gridfold.systems.protocol import ClosedForm, has_closed_form
 from gridfold.systems.status import Status
 
 #: Rows of a solution in closed form that are computed before the watches look at them.
@@ -98,7 +98,7 @@ def _integrate(
 ) -> Integration | _Formula:
     """States of the segment's system from `x0` along `times`, until a stop or a switch fires."""
     watches = (*segment.stops, *segment.switches)
-    if isinstance(segment.system, ClosedForm):
+    if has_closed_form(segment.system):
         return _evaluate(segment.system, times, x0, watches)
     return stepper.integrate(segment.system.compiled, times, x0, watches)
 

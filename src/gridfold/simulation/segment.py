@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,15 @@ class Coordinates(Protocol):
         """State of the segment, (r,), from one of the whole system, (n,)."""
 
 
-@runtime_checkable
 class LiftsRows(Coordinates, Protocol):
     """Coordinates that can lift some states without the others."""
 
     def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,), from z (..., r): (..., m)."""
+
+
+def _lifts_rows(coordinates: Coordinates | None) -> TypeGuard[LiftsRows]:
+    return hasattr(coordinates, "lift_rows")
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,6 @@ class Piece:
     def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,) alone, shape (n, m)."""
         coordinates = self.segment.coordinates
-        if isinstance(coordinates, LiftsRows):
+        if _lifts_rows(coordinates):
             return coordinates.lift_rows(self.states, index)
         return self.full_states[:, index]

@@ -79,14 +79,13 @@ class ModalSystem:
 
         Each mode is as large as it may become, and all add up.
         """
-        form, paired = self.form, self.form.partner
-        alone = paired == np.arange(len(paired))
+        form = self.form
+        bounds = np.zeros(len(rows))
         with np.errstate(over="ignore"):
             size = np.abs(start) + np.abs(self.offset) * span
-            both = np.where(alone, size, np.hypot(size, size[paired]))
-            both *= np.exp(np.maximum(form.diagonal, 0.0) * span)
-            weight = np.where(alone, np.abs(rows), np.hypot(rows, rows[:, paired]) / 2)
-        return np.asarray(weight @ both)
+            size *= np.exp(np.maximum(form.diagonal, 0.0) * span)
+        _bound(form.partner, size, np.ascontiguousarray(rows), bounds)
+        return bounds
 
 
 def _inner_step(elapsed: NDArray[np.float64]) -> float:
@@ -143,6 +142,20 @@ def _propagator(diagonal, coupling, partner, offset, t, propagator):
         propagator[1, i], propagator[1, p] = imaginary, -imaginary
         propagator[2, i] = own * offset[i] + other * offset[p]
         propagator[2, p] = own * offset[p] - other * offset[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _bound(partner, size, rows, bounds):
+    """Add up the modes: a pair turns, so that both its lengths count."""
+    for i in range(len(size)):
+        p = partner[i]
+        if p == i:
+            for k in range(len(bounds)):
+                bounds[k] += abs(rows[k, i]) * size[i]
+        elif p > i:
+            both = np.sqrt(size[i] ** 2 + size[p] ** 2)
+            for k in range(len(bounds)):
+                bounds[k] += np.sqrt(rows[k, i] ** 2 + rows[k, p] ** 2) * both
 
 
 def _modal_rhs(integers, reals, work, w, dw):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ class System(Protocol):
         """The right-hand side f for compiled loops; also callable from Python."""
 
 
-@runtime_checkable
 class ClosedForm(Protocol):
     """What a system offers whose solution is a formula: it need not be stepped."""
 
@@ -51,3 +50,8 @@ class ClosedForm(Protocol):
         ndarray, shape (n_rows,)
             What none of their magnitudes exceeds; infinite where nothing can be said.
         """
+
+
+def has_closed_form(system: Any) -> TypeGuard[ClosedForm]:
+    """Whether the solution of a system is a formula."""
+    return hasattr(system, "states_after")
