@@ -22,6 +22,8 @@ from gridfold.errors import InitializationError
 _MAX_ITERATIONS = 30
 #: The Jacobian is taken anew where a step leaves more than this part of the residual.
 _SLOW = 0.1
+#: A state in p.u. or rad beyond this belongs to no equilibrium; devices may divide by zero there.
+_LOST = 1e8
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
         except RuntimeError:
             break
         x, rate, before = limits.held(x - step[:-1]), float(rate - step[-1]), size
-        if not np.isfinite(x).all():
+        if not np.abs(x).max(initial=0.0) < _LOST:
             break
     raise InitializationError("no equilibrium was found for the network after the disturbance")
 
