@@ -1,7 +1,8 @@
 """The bus admittance matrix.
 
 Branch model: an ideal transformer of ratio t = ratio * exp(j shift) at the first bus, followed by a
-pi section (Machowski, Bialek, Bumby, Power System Dynamics, 2nd ed., section 3.4).
+pi section (Machowski, Bialek, Bumby, Power System Dynamics, 2nd ed., section 3.4). Admittances to
+ground at either end stand at the buses.
 """
 
 from __future__ import annotations
@@ -27,17 +28,19 @@ class BranchAdmittances:
 
 
 def branch_admittances(branches: Collection[Branch]) -> BranchAdmittances:
-    """Two-port admittances of branches in per unit, whether in service or not."""
+    """Two-port admittances of branches in per unit, with those at their ends, in service or not."""
     series = 1 / np.array([complex(b.resistance, b.reactance) for b in branches], dtype=complex)
     charging = 0.5j * np.array([b.susceptance for b in branches], dtype=float)
     ratio = np.array([b.ratio for b in branches], dtype=float)
     shift = np.deg2rad(np.array([b.shift_deg for b in branches], dtype=float))
     tap = ratio * np.exp(1j * shift)
+    at_from = np.array([complex(b.from_conductance, b.from_susceptance) for b in branches])
+    at_to = np.array([complex(b.to_conductance, b.to_susceptance) for b in branches])
     return BranchAdmittances(
-        from_from=(series + charging) / ratio**2,
+        from_from=(series + charging) / ratio**2 + at_from,
         from_to=-series / np.conj(tap),
         to_from=-series / tap,
-        to_to=series + charging,
+        to_to=series + charging + at_to,
     )
 
 
@@ -66,7 +69,8 @@ def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> c
 def split_branch(branch: Branch, fraction: float) -> tuple[Branch, Branch]:
     """The two parts of a branch on either side of a point inside it.
 
-    Series impedance and charging are divided in proportion; the transformer stays at the first bus.
+    Series impedance and charging are divided in proportion; the transformer stays at the first bus,
+    what stands at the ends stays there.
     The bus numbers of both parts are those of the branch: the caller connects the middle.
     """
     near, far = (
@@ -78,4 +82,6 @@ def split_branch(branch: Branch, fraction: float) -> tuple[Branch, Branch]:
         )
         for part in (fraction, 1 - fraction)
     )
-    return near, replace(far, ratio=1.0, shift_deg=0.0)
+    near = replace(near, to_conductance=0.0, to_susceptance=0.0)
+    far = replace(far, ratio=1.0, shift_deg=0.0, from_conductance=0.0, from_susceptance=0.0)
+    return near, far

@@ -102,6 +102,11 @@ class Branch:
     """A line or transformer as a pi section behind an ideal transformer at its first bus.
 
     `ratio` is the off-nominal turns ratio at `from_bus`, `shift_deg` its phase shift.
+
+    Reactors at the ends of a line and the magnetizing branch of a transformer are admittances to
+    ground, in per unit on the system base, that stand at the buses and go out with the branch:
+    ``from_conductance + j from_susceptance`` at `from_bus`, outside of the ideal transformer, and
+    likewise at `to_bus`.
     """
 
     from_bus: int
@@ -113,6 +118,10 @@ class Branch:
     ratio: float = 1.0
     shift_deg: float = 0.0
     in_service: bool = True
+    from_conductance: float = field(default=0.0, metadata=_LATER)
+    from_susceptance: float = field(default=0.0, metadata=_LATER)
+    to_conductance: float = field(default=0.0, metadata=_LATER)
+    to_susceptance: float = field(default=0.0, metadata=_LATER)
 
     def __str__(self) -> str:
         return f"branch {self.from_bus}-{self.to_bus}:{self.circuit}"

@@ -6,9 +6,11 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gridfold.grid.case import Branch, Bus, Shunt
+from gridfold.grid.case import Branch, Bus
 from gridfold.io.case_draft import Draft, Row, free_id
 
+#: Key under which a row holds the charging of a line alone, without what stands at its ends.
+LINE_CHARGING = "line_charging"
 _SWITCH_REACTANCE = 1e-4  # p.u., of a closed switching device without an own value
 _LEG_REACTANCE = 1e-5  # p.u., of a star's leg whose impedance is zero
 _LEG_ROUNDING = 1e-9
@@ -32,37 +34,43 @@ def add_branches(draft: Draft) -> None:
 
 
 def _add_branch(draft: Draft, row: Row, circuit: str, place: str) -> None:
-    """A line or transformer; what is not alike at both ends of its pi section becomes a shunt."""
-    ends = row.get("charging")
-    half = float(row["b"]) / 2
-    b_from, b_to = (float(ends["b_fr"]), float(ends["b_to"])) if ends else (half, half)
-    g_from, g_to = (float(ends["g_fr"]), float(ends["g_to"])) if ends else (0.0, 0.0)
-    half = max(b_from, b_to)  # what compensates it is a reactor at one end
     branch = Branch(
         from_bus=row["from"],
         to_bus=row["to"],
         circuit=circuit,
         resistance=float(row["r"]),
         reactance=float(row["x"]),
-        susceptance=2 * half,
         ratio=float(row["tap"]) or 1.0,
         shift_deg=float(row["shift"]),
         in_service=row["in_service"],
     )
-    draft.add(branch, place)
-    at_from = complex(g_from, b_from - half) / branch.ratio**2
-    _add_branch_shunt(draft, branch, branch.from_bus, at_from, place)
-    _add_branch_shunt(draft, branch, branch.to_bus, complex(g_to, b_to - half), place)
+    draft.add(_with_charging(branch, row), place)
     _note_correction(draft, branch, row["extras"].get("impedance_correction"))
 
 
-def _add_branch_shunt(
-    draft: Draft, branch: Branch, bus: int, admittance: complex, place: str
-) -> None:
-    if admittance and branch.in_service:
-        power = admittance * float(draft.tables["base_mva"])
-        name = f"M{branch.from_bus}-{branch.to_bus}:{branch.circuit}"
-        draft.add(Shunt(bus, name, power.real, power.imag), place)
+def _with_charging(branch: Branch, row: Row) -> Branch:
+    """The branch with its charging, and what stands at its ends beside that.
+
+    powerio adds up both, and refers what is at the first end to the other side of the transformer.
+    """
+    total, ends = float(row["b"]), row.get("charging")
+    if not ends:
+        return replace(branch, susceptance=total)
+    charging = float(row.get(LINE_CHARGING, 0.0 if row["tap"] else total))
+    at_from = complex(ends["g_fr"], ends["b_fr"] - charging / 2) / branch.ratio**2
+    at_to = complex(ends["g_to"], ends["b_to"] - charging / 2)
+    return with_ends(replace(branch, susceptance=charging), at_from, at_to)
+
+
+def with_ends(branch: Branch, at_from: complex, at_to: complex = 0j) -> Branch:
+    """The branch with these admittances at its ends."""
+    return replace(
+        branch,
+        from_conductance=at_from.real,
+        from_susceptance=at_from.imag,
+        to_conductance=at_to.real,
+        to_susceptance=at_to.imag,
+    )
 
 
 def _note_correction(draft: Draft, branch: Branch, table: Row | None) -> None:
@@ -95,13 +103,12 @@ def add_three_winding(draft: Draft, row: Row, place: str) -> None:
             shift_deg=float(winding["shift"]),
             in_service=in_service,
         )
+        if winding is windings[0]:
+            branch = with_ends(branch, complex(float(row["mag_g"]), float(row["mag_b"])))
         draft.add(branch, place)
         _note_correction(draft, branch, table)
         if not leg:
             draft.notices.append(f"{branch}: no impedance; {_LEG_REACTANCE:g} p.u. taken")
-        if winding is windings[0]:
-            admittance = complex(float(row["mag_g"]), float(row["mag_b"]))
-            _add_branch_shunt(draft, branch, branch.from_bus, admittance, place)
 
 
 def _star_impedances(pairs: Sequence[Row]) -> list[complex]:

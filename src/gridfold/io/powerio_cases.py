@@ -3,15 +3,17 @@
 Conventions taken over from these files:
 
 - A generator holds the stored voltage of its own bus, not its set point or a remote bus: units at
-  a reactive limit then start where they are. At a PQ bus it holds its stored power.
+  a reactive limit then start where they are. At a PQ bus of MATPOWER it holds its stored power.
 - Of several units at the slack bus the largest balances; the others keep their stored power.
 - A transformer with three windings becomes a star bus, numbered from one above the largest bus
   number of the file, and three branches.
 - Switched shunts are fixed shunts of their stored susceptance (id ``S`` and their own). Shunts at
-  one end of a line and magnetizing admittances are shunts at the bus (id ``M`` and the branch);
-  they stay when an event opens the branch.
+  one end of a line and magnetizing admittances belong to the branch, and go out with it.
+- In a RAW file a unit is in service if its status says so and its bus is of type 2 or 3. In a MATPOWER
+  file the status alone counts.
 - A leg of a star without impedance gets 1e-5 p.u., a switching device without one 1e-4 p.u.
 - Isolated buses (type 4), and what is connected to them, are left out.
+- A blank field of a RAW file is what the manual of PSS/E says, :mod:`gridfold.io.raw_layouts`.
 
 Zones, owners, inter-area transfers, groups of line sections and the nodes of substations are not
 read: no result depends on them.
@@ -29,10 +31,14 @@ from typing import Any
 
 import powerio
 
-from gridfold.errors import CaseFileError
+from gridfold.errors import CaseFileError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
-from gridfold.io.powerio_records import convert_network
+from gridfold.io.powerio_branches import LINE_CHARGING
+from gridfold.io.powerio_records import BLANK_FIELDS, convert_network
+from gridfold.io.raw_fields import INNER_QUOTE
+from gridfold.io.raw_records import CompleteRecords, complete_records
+from gridfold.io.raw_revision import check_revision, find_revision
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
 from gridfold.io.tables import read_foreign_text
 
@@ -64,12 +70,14 @@ _HARMLESS = {  # findings of powerio: solver options, remote control, what conve
     "READ.PSSE.FIELD_DROPPED",
     "READ.PSSE.REFERENCE_DROPPED",
     "READ.PSSE.RETAINED_SOURCE_ONLY",
+    "READ.PSSE.VALUE_DEFAULTED",  # of fields that nothing depends on
 }
-_DEFAULTED = "READ.PSSE.VALUE_DEFAULTED"
 _ADVICE = "--allow-unsupported-network (allow_unsupported_network=True) reads the file without them"
 
 
-def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
+def read_network(
+    path: str | Path, allow_unsupported: bool = False, raw_revision: int | None = None
+) -> Case:
     """Read a PSS/E RAW or a MATPOWER file: network and stored operating point, no devices.
 
     Parameters
@@ -78,6 +86,9 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
         File with the suffix ``.raw`` (revisions 31 to 35; 31 without switched shunts) or ``.m``.
     allow_unsupported : bool
         Leave out what gridfold has no model for; ``Case.unsupported`` then lists it.
+    raw_revision : int, optional
+        Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
+        where it gives none, the one that the fields of the records tell.
 
     Raises
     ------
@@ -91,22 +102,63 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
         known = ".raw (PSS/E) and .m (MATPOWER)"
         raise CaseFileError(f"unknown suffix {path.suffix!r}; known: {known}", str(path))
     text = read_foreign_text(path)
-    sections = find_sections(text) if file_format == "psse" else None
-    if sections and sections.open_section:
-        fault = f"the file breaks off in the {sections.open_section} section"
-        raise CaseFileError(fault, str(path))
-    data, diagnostics = _parse(text, file_format, sections, path)
+    if file_format == "psse":
+        return _checked(_read_raw(text, path, raw_revision), path, allow_unsupported)
+    if raw_revision is not None:
+        raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {path}")
+    data, diagnostics = _parse(text, file_format, path)
+    case = _converted(data, path, {})
+    told = (*_unsupported_findings(diagnostics), *case.unsupported)
+    case = replace(case, unsupported=told, file_counts=_matpower_counts(data))
+    return _checked(case, path, allow_unsupported)
+
+
+def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
+    sections = find_sections(text, wanted or 0)
     try:
-        case = convert_network(data, path.stem, _places(data, sections, path))
+        revision, notices = wanted or 0, list[str]()
+        if not wanted:
+            header = sections.text.split("\n")[max(sections.header - 1, 0)]
+            revision, notices = find_revision(sections, header, str(path))
+            sections = find_sections(text, revision)
+        if sections.open_section:
+            fault = f"the file breaks off in the {sections.open_section} section"
+            raise CaseFileError(fault, str(path))
+        records = complete_records(sections, revision)
+        if records.faults:
+            raise CaseFileError(records.faults, str(path))
+        data, diagnostics = _parse(records.text, "psse", path, replace(sections, text=records.text))
+        places = _places(data, sections, path)
+        _annotate(data, records)
+        case = _converted(data, path, places)
+    except CaseFileError as error:
+        raise CaseFileError([*error.faults, *sections.doubts], str(path), error.advice) from error
+    return replace(
+        case,
+        unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
+        notices=(*sections.doubts, *notices, *records.notices, *case.notices),
+        file_counts=_raw_counts(sections),
+    )
+
+
+def _annotate(data: Mapping[str, Any], records: CompleteRecords) -> None:
+    """Tell of lines and generators what powerio does not."""
+    for row, charging in zip(data["branches"], records.line_charging, strict=False):
+        row[LINE_CHARGING] = charging
+    for row, blanks in zip(data["generators"], records.blanks, strict=True):
+        row[BLANK_FIELDS] = blanks
+
+
+def _converted(data: Mapping[str, Any], path: Path, places: Mapping[str, Sequence[str]]) -> Case:
+    try:
+        return convert_network(data, path.stem, places)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         fault = f"a record has no meaning: {type(error).__name__}: {error}"
         raise CaseFileError(fault, str(path)) from error
-    case = replace(
-        case,
-        unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
-        notices=(*_default_notices(diagnostics), *case.notices),
-        file_counts=_matpower_counts(data) if sections is None else _raw_counts(sections),
-    )
+
+
+def _checked(case: Case, path: Path, allow_unsupported: bool) -> Case:
+    """The case, if it is sound and holds nothing without a model that may not be left out."""
     if case.unsupported and not allow_unsupported:
         faults = [f"not supported: {line}" for line in case.unsupported]
         raise CaseFileError(faults, str(path), [_ADVICE])
@@ -116,13 +168,12 @@ def read_network(path: str | Path, allow_unsupported: bool = False) -> Case:
 
 
 def _parse(
-    text: str, file_format: str, sections: RawSections | None, path: Path
+    text: str, file_format: str, path: Path, sections: RawSections | None = None
 ) -> tuple[dict[str, Any], Sequence[powerio.Diagnostic]]:
     """Powerio's tables, with all that its typed records leave out, and its findings."""
-    source = sections.text if sections else text
     try:
-        module = powerio.parse(source.encode(), format=file_format, name=path.name)
-        document = json.loads(powerio.serialize(module).text or "")
+        module = powerio.parse(text.encode(), format=file_format, name=path.name)
+        document = json.loads(_with_quotes(powerio.serialize(module).text or ""))
         diagnostics = module.diagnostics
     except ValueError as error:  # powerio's errors, a caught panic among them
         message = re.sub(r"^[A-Z.]+: ", "", str(error))
@@ -131,6 +182,11 @@ def _parse(
     if document.get("version") != 2 or not isinstance(data, dict) or "buses" not in data:
         raise CaseFileError("not a network", str(path))
     return data, diagnostics
+
+
+def _with_quotes(document: str) -> str:
+    """A JSON text with the quotes that were taken out of names, as a character or an escape."""
+    return document.replace(INNER_QUOTE, "'").replace(json.dumps(INNER_QUOTE)[1:-1], "'")
 
 
 def _raw_counts(sections: RawSections) -> dict[str, int]:
@@ -159,14 +215,9 @@ def _unsupported_findings(diagnostics: Sequence[powerio.Diagnostic]) -> list[str
         if section and section[1] not in _NOT_NEEDED:
             count = "1 record line" if section[2] == "1" else f"{section[2]} record lines"
             lines.append(f"{section[1]} section: {count}")
-        elif not section and finding.code not in {*_HARMLESS, _DEFAULTED}:
+        elif not section and finding.code not in _HARMLESS:
             lines.append(finding.message)
     return lines
-
-
-def _default_notices(diagnostics: Sequence[powerio.Diagnostic]) -> list[str]:
-    short = [finding.message for finding in diagnostics if finding.code == _DEFAULTED]
-    return [f"{len(short)} records are short of fields; the first: {short[0]}"] if short else []
 
 
 def _place_of(message: str, sections: RawSections | None) -> str:
@@ -186,13 +237,11 @@ def _place_of(message: str, sections: RawSections | None) -> str:
 
 
 def _places(
-    data: Mapping[str, Any], sections: RawSections | None, path: Path
+    data: Mapping[str, Any], sections: RawSections, path: Path
 ) -> dict[str, list[str]]:
     """Where each row of powerio's tables stands; a record that was lost on the way is an error."""
-    if sections is None:
-        return {}
     places: dict[str, list[str]] = defaultdict(list)
-    faults = [f"line {line}: {fault}" for line, fault in sections.short_records()]
+    faults = []
     for table, names in _SECTIONS.items():
         lines = sections.of(*names)
         if len(lines) != len(data[table]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,8 @@ from gridfold.io.case_draft import Draft, Row, free_id, islands_without_slack, w
 from gridfold.io.powerio_branches import add_branches, add_three_winding
 
 _CONTROL = {"PQ": Control.POWER, "PV": Control.VOLTAGE, "REF": Control.SLACK}
+#: Key under which the row of a generator holds the names of its fields that were blank.
+BLANK_FIELDS = "blank_fields"
 _LEFT_OUT = {
     "static_var_compensators": "static var compensator",
     "storage": "storage",
@@ -37,8 +39,7 @@ def convert_network(
         draft.add(_bus(row), place)
     for row, place in draft.rows("loads"):
         _add_load(draft, row, place)
-    for row, place in draft.rows("shunts"):
-        draft.add(_shunt(row), place)
+    _add_shunts(draft)
     _add_generators(draft)
     add_branches(draft)
     for row, place in draft.rows("transformers_3w"):
@@ -107,15 +108,24 @@ def _add_load(draft: Draft, row: Row, place: str) -> None:
         draft.unsupported.append(f"{load}: distributed generation within the load")
 
 
-def _shunt(row: Row) -> Shunt:
-    own = row["extras"].get("id", "1")
-    return Shunt(
-        bus=row["bus"],
-        id=f"S{own}" if row.get("control") else own,
-        conductance_mw=float(row["g"]),
-        susceptance_mvar=float(row["b"]),
-        in_service=row["in_service"],
-    )
+def _add_shunts(draft: Draft) -> None:
+    """Fixed shunts by their ids, then switched ones by ``S`` and theirs, or ``SS`` where that is taken."""
+    taken: set[tuple[int, str]] = set()
+    for row, place in draft.rows("shunts"):
+        identifier = row["extras"].get("id", "1")
+        if row.get("control"):
+            identifier = f"S{identifier}"
+            while (row["bus"], identifier) in taken:
+                identifier = f"S{identifier}"
+        taken.add((row["bus"], identifier))
+        shunt = Shunt(
+            bus=row["bus"],
+            id=identifier,
+            conductance_mw=float(row["g"]),
+            susceptance_mvar=float(row["b"]),
+            in_service=row["in_service"],
+        )
+        draft.add(shunt, place)
 
 
 def _add_generators(draft: Draft) -> None:
@@ -129,6 +139,7 @@ def _add_generators(draft: Draft) -> None:
     taken: dict[int, set[str]] = defaultdict(set)
     units: list[tuple[Generator, str]] = []
     at_bus: dict[int, list[Generator]] = defaultdict(list)
+    defaulted: dict[str, list[Generator]] = defaultdict(list)
     for row, place in draft.rows("generators"):
         own = properties.get(row["uid"], {})
         bus = buses[row["bus"]]
@@ -140,17 +151,45 @@ def _add_generators(draft: Draft) -> None:
             voltage_pu=float(bus["vm"]),
             base_mva=float(row["mbase"]) or float(draft.tables["base_mva"]),
             control=_CONTROL.get(bus["kind"], Control.POWER),
-            in_service=row["in_service"],
+            in_service=row["in_service"] and not _at_load_bus(draft, bus),
             source_resistance=float(own.get("psse_zr", 0.0)),
             source_reactance=float(own.get("psse_zx", 1.0)),
         )
+        if row["in_service"] and not unit.in_service:
+            draft.notices.append(_load_bus_notice(unit, place))
         taken[unit.bus].add(unit.id)
         units.append((unit, place))
         at_bus[unit.bus].append(unit)
+        if unit.in_service and BLANK_FIELDS in row:
+            for name in row[BLANK_FIELDS] | ({"MBASE"} if not float(row["mbase"]) else set()):
+                defaulted[name].append(unit)
         if float(own.get("psse_rt", 0.0)) or float(own.get("psse_xt", 0.0)):
             draft.unsupported.append(f"{unit}: step-up transformer within the generator")
+    draft.notices += _blank_notices(defaulted)
     for unit, place in units:
         draft.add(_with_part(unit, at_bus[unit.bus]), place)
+
+
+def _at_load_bus(draft: Draft, bus: Row) -> bool:
+    """Whether PSS/E leaves a unit out for the type of its bus: type 1 of a RAW file."""
+    return draft.tables["source_format"] == "psse" and bus["kind"] == "PQ"
+
+
+def _load_bus_notice(unit: Generator, place: str) -> str:
+    where = f" ({place})" if place else ""
+    return (
+        f"{unit}{where}: out of service, {unit.active_mw:g} MW: its bus is of type 1, and PSS/E runs "
+        "units at buses of type 2 and 3 alone"
+    )
+
+
+def _blank_notices(defaulted: Mapping[str, Sequence[Generator]]) -> Iterator[str]:
+    """What stands for blank fields of generators that say on what base or behind what they are."""
+    for name, of_what in (("MBASE", "MVA, SBASE of the header,"), ("ZX", "p.u. for ZSORCE")):
+        if units := defaulted.get(name):
+            value = units[0].base_mva if name == "MBASE" else units[0].source_reactance
+            listed = ", ".join(str(unit.key) for unit in units)
+            yield f"no {name} given, {value:g} {of_what} taken: {listed}"
 
 
 def _with_part(unit: Generator, at_bus: Sequence[Generator]) -> Generator:

@@ -9,8 +9,10 @@ counted, so that none can get lost unseen.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+
+from gridfold.io.raw_fields import Field, as_number, is_integer, split_fields
 
 _ORDER = (
     "BUS",
@@ -59,86 +61,118 @@ class RawSections:
     ----------
     text : str
         The file, line for line.
-    lines : mapping of str to tuple of int
-        First line of each record, counted from 1, by section; transformers with three windings are
-        a section of their own.
+    header : int
+        Line of the header, counted from 1; 0 if there is none.
+    records : mapping of str to tuple of tuple of int
+        Lines of each record, counted from 1, by section; transformers with three windings are a
+        section of their own.
+    named : frozenset of str
+        Sections that markers name.
+    lost_titles : tuple of int
+        Lines that stand where a title belongs and read as a record.
     open_section : str
         Section within which the file breaks off; empty if it ends as it should.
     """
 
     text: str
-    lines: Mapping[str, tuple[int, ...]]
+    header: int
+    records: Mapping[str, tuple[tuple[int, ...], ...]]
+    named: frozenset[str]
+    lost_titles: tuple[int, ...]
     open_section: str
 
     def of(self, *sections: str) -> tuple[int, ...]:
         """First lines of the records of these sections, one section after the other."""
-        return tuple(line for section in sections for line in self.lines.get(section, ()))
+        return tuple(lines[0] for name in sections for lines in self.records.get(name, ()))
 
     def lines_with(self, token: str, positions: Collection[int]) -> list[int]:
         """Lines with this field, without quotes, at one of these positions counted from 0."""
         found = []
         for number, line in enumerate(self.text.split("\n"), start=1):
-            fields = [field.strip(" '\"") for field in _fields(line)]
+            fields = [field.text.strip() for field in fields_of(line)]
             if any(at < len(fields) and fields[at] == token for at in positions):
                 found.append(number)
         return found
 
-    def short_records(self) -> Iterator[tuple[int, str]]:
-        """Lines and faults of branches without a reactance, for which no default makes sense."""
-        lines = self.text.split("\n")
-        for number in self.of("BRANCH"):
-            if len(_fields(lines[number - 1])) < 5:
-                yield number, "a branch needs resistance and reactance"
-        for section, needed in (("TRANSFORMER", 2), (THREE_WINDING, 8)):
-            for number in self.of(section):
-                after = (line for line in lines[number:] if not _is_blank(line))
-                if len(_fields(next(after, ""))) < needed:
-                    yield number, "a transformer needs resistances and reactances"
+    @property
+    def doubts(self) -> list[str]:
+        """Records that are lost as they stand where a title belongs, in words."""
+        return [
+            f"line {line} reads as a record but stands where one of the two lines of title belongs: "
+            "it is taken for a title"
+            for line in self.lost_titles
+        ]
 
 
-def find_sections(text: str) -> RawSections:
-    """Find the sections and records in the text of a RAW file."""
+def find_sections(text: str, revision: int = 0) -> RawSections:
+    """Find the sections and records in the text of a RAW file; 0 is an unknown revision."""
     lines = re.split(r"\r\n|\n|\r", text)  # names may hold what Unicode takes for ends of lines
-    header = next((k for k, line in enumerate(lines) if not _is_blank(line)), len(lines))
-    revision = _revision(lines[header]) if header < len(lines) else 0
-    found: dict[str, list[int]] = {}
+    header = header_position(lines)
+    found: dict[str, list[tuple[int, ...]]] = {}
+    named: set[str] = set()
     ended = False
-    section, position = _SYSTEM_WIDE, _after_titles(lines, header)
+    first = _after_titles(lines, header)
+    section, position = _SYSTEM_WIDE, first
     while position < len(lines) and lines[position].strip().upper() != "Q":
         line = lines[position]
         if _is_marker(line):
+            named.add(_introduced(line))
             following = _section_after(line, section, revision)
             if section != "SUBSTATION" and following:  # its inner blocks have markers of their own
                 lines[position] = f"0 / END OF {section} DATA, BEGIN {following} DATA"
             section = following or section
             ended = section not in _NEEDED
         elif not _is_blank(line):
-            if section == _SYSTEM_WIDE and re.match(r"\s*\d", line):
+            if section == _SYSTEM_WIDE and re.match(r"\s*[\d,]", line):
                 section = "BUS"
             name, length = _record(line, section)
-            found.setdefault(name, []).append(position + 1)
-            position = _last_line(lines, position, length)
+            record = _lines_of_record(lines, position, length)
+            found.setdefault(name, []).append(tuple(at + 1 for at in record))
+            position = record[-1]
             ended = False
         position += 1
     ended = ended or position < len(lines)
-    if revision == 31 and not found.get("SWITCHED SHUNT"):
-        lines[header] = _REVISION.sub(r"\g<1>32", lines[header])
-    records = {name: tuple(at) for name, at in found.items()}
-    return RawSections("\n".join(lines) + "\n", records, "" if ended else section)
+    return RawSections(
+        text="\n".join(lines) + "\n",
+        header=header + 1 if header < len(lines) else 0,
+        records={name: tuple(at) for name, at in found.items()},
+        named=frozenset(named),
+        lost_titles=tuple(k + 1 for k in range(header + 1, first) if _reads_as_record(lines[k])),
+        open_section="" if ended else section,
+    )
 
 
-_REVISION = re.compile(r"^([^,/]*,[^,/]*,\s*)(\d+)\b")
+def header_position(lines: Sequence[str]) -> int:
+    """Position of the first line that is neither blank nor a comment."""
+    return next((k for k, line in enumerate(lines) if not _is_blank(line)), len(lines))
 
 
-def _revision(header: str) -> int:
-    found = _REVISION.match(header)
-    return int(found[2]) if found and len(found[2]) < 4 else 0
+def fields_of(line: str) -> list[Field]:
+    """Fields of a line as far as they can be told; none where a quote is not closed."""
+    try:
+        return split_fields(line)
+    except ValueError:
+        return []
 
 
 def _after_titles(lines: Sequence[str], header: int) -> int:
     """Position after the two lines of title; some writers leave one out."""
     end = min(header + 1 + _TITLE_LINES, len(lines))
     return next((k for k in range(header + 1, end) if _introduced(lines[k])), end)
+
+
+def _reads_as_record(line: str) -> bool:
+    """Whether a line of title looks like a bus or like a setting of the system."""
+    if re.match(r"\s*(GENERAL|GAUSS|NEWTON|ADJUST|TYSL|SOLVER|RATING)\s*,", line):
+        return True
+    fields = fields_of(line)
+    return (
+        len(fields) >= 4
+        and is_integer(fields[0].text)
+        and fields[1].quoted
+        and as_number(fields[2].text) is not None
+        and fields[3].text in ("1", "2", "3", "4")
+    )
 
 
 def _is_blank(line: str) -> bool:
@@ -176,26 +210,23 @@ def _canonical(name: str) -> str:
     return _ALIASES.get(match, match)
 
 
-def _fields(line: str) -> list[str]:
-    """Fields without regard to quotes, which are not needed where this is used."""
-    text = line.split("/")[0]
-    return [field.strip() for field in text.split(",")] if "," in text else text.split()
-
-
 def _record(line: str, section: str) -> tuple[str, int]:
     """Section under which a record is counted, and its number of lines."""
     if section == "TWO-TERMINAL DC":
         return section, 3
     if section != "TRANSFORMER":
         return section, 1
-    fields = _fields(line)
-    third = fields[2] if len(fields) > 2 else ""
+    fields = fields_of(line)
+    third = fields[2].text.strip() if len(fields) > 2 else ""
     return (section, 4) if third in ("", "0") else (THREE_WINDING, 5)
 
 
-def _last_line(lines: Sequence[str], position: int, length: int) -> int:
-    """Position of the last line of a record; it ends early where a section is introduced."""
-    while length > 1 and position + 1 < len(lines) and not _introduced(lines[position + 1]):
-        position += 1
-        length -= not _is_blank(lines[position])
-    return position
+def _lines_of_record(lines: Sequence[str], position: int, length: int) -> list[int]:
+    """Positions of the lines of a record; it ends early where a section is introduced."""
+    found = [position]
+    following = position + 1
+    while len(found) < length and following < len(lines) and not _introduced(lines[following]):
+        if not _is_blank(lines[following]):
+            found.append(following)
+        following += 1
+    return found

@@ -1,0 +1,179 @@
+"""The records of a RAW file with every field written out.
+
+powerio takes a comma at the beginning of a line for nothing, has defaults of its own for blank fields,
+and refuses numbers with the exponent D and quotes within names. So it is given a text in which all
+fields that matter stand, one comma apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
+from gridfold.io.raw_layouts import Base, Column, Layout, layouts
+from gridfold.io.raw_sections import THREE_WINDING, RawSections
+
+_HEADER = {"IC": "0", "SBASE": "100.0", "REV": "33", "XFRRAT": "0", "NXFRAT": "0", "BASFRQ": "60.0"}
+_UNITS = {"SBASE": "MVA", "BASFRQ": "Hz"}
+_WHAT = {
+    "BUS": "a bus",
+    "LOAD": "a load",
+    "FIXED SHUNT": "a fixed shunt",
+    "GENERATOR": "a generator",
+    "BRANCH": "a branch",
+    "SYSTEM SWITCHING DEVICE": "a switching device",
+    "TRANSFORMER": "a transformer",
+    THREE_WINDING: "a transformer with three windings",
+    "AREA": "an area",
+    "SWITCHED SHUNT": "a switched shunt",
+}
+_IN_KILOVOLTS = "2"  # CW
+
+
+@dataclass
+class CompleteRecords:
+    """A RAW file with complete records.
+
+    Parameters
+    ----------
+    text : str
+        The file, line for line.
+    faults : list of str
+        Fields that have no default and are blank, and quotes that are not closed, with lines.
+    notices : list of str
+        Blank fields of the header that stand for a base.
+    line_charging : list of float
+        Field B of each line, in per unit; nan where it is no number.
+    blanks : list of frozenset of str
+        Fields of each generator that were blank.
+    """
+
+    text: str = ""
+    faults: list[str] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
+    line_charging: list[float] = field(default_factory=list)
+    blanks: list[frozenset[str]] = field(default_factory=list)
+
+
+def complete_records(sections: RawSections, revision: int) -> CompleteRecords:
+    """Write out every field of the header and the records of a file of this revision."""
+    return _Writer(sections, revision).complete()
+
+
+class _Writer:
+    def __init__(self, sections: RawSections, revision: int):
+        self.sections, self.layouts = sections, layouts(revision)
+        self.revision = revision
+        self.lines = sections.text.split("\n")
+        self.done = CompleteRecords()
+        self.kilovolts: dict[str, str] = {}
+        self.base_mva = _HEADER["SBASE"]
+
+    def complete(self) -> CompleteRecords:
+        self._header()
+        for section in ("BUS", *(name for name in self.sections.records if name != "BUS")):
+            for record in self.sections.records.get(section, ()):
+                if section in self.layouts:
+                    self._record(section, record)
+                else:
+                    self._unknown(record)
+        self.done.text = "\n".join(self.lines)
+        self.done.faults.sort(key=lambda fault: int(fault.split()[1].rstrip(":")))
+        return self.done
+
+    def _header(self) -> None:
+        if not self.sections.header:
+            return
+        fields = self._split(self.sections.header)
+        texts = [plain_number(item.text.strip()) for item in fields] + [""] * len(_HEADER)
+        given = dict(zip(_HEADER, texts, strict=False)) | {"REV": self._written_revision()}
+        for name, unit in _UNITS.items():
+            if not given[name]:
+                self.done.notices.append(
+                    f"{name} of the header is blank: {float(_HEADER[name]):g} {unit}"
+                )
+        values = {name: given[name] or default for name, default in _HEADER.items()}
+        self.base_mva = values["SBASE"]
+        self.lines[self.sections.header - 1] = ",".join(values.values())
+
+    def _written_revision(self) -> str:
+        """31 differs from 32, which powerio knows, in switched shunts alone."""
+        as_32 = self.revision == 31 and not self.sections.of("SWITCHED SHUNT")
+        return "32" if as_32 else str(self.revision)
+
+    def _record(self, section: str, record: Sequence[int]) -> None:
+        parts = [self._split(number) for number in record]
+        winding_buses = [part.text for part in parts[0][:3]]
+        ratios = parts[0][4].text if len(parts[0]) > 4 else ""
+        values: dict[str, str] = {}
+        blanks: set[str] = set()
+        for k, (number, layout) in enumerate(zip(record, self.layouts[section], strict=False)):
+            bus = winding_buses[k - 2] if k >= 2 and k - 2 < len(winding_buses) else ""
+            defaults = {
+                Base.SYSTEM: self.base_mva,
+                Base.WINDING: self.kilovolts.get(bus, "1") if ratios == _IN_KILOVOLTS else "1",
+            }
+            completed = []
+            for column, given in _side_by_side(layout, parts[k]):
+                if given.blank:
+                    blanks.add(column.name)
+                if given.blank and column.needed:
+                    what = f"{column.name} of {_WHAT[section]} is blank, and it has no default"
+                    self.done.faults.append(f"line {number}: {what}")
+                completed.append(_complete(column, given, defaults))
+                values[column.name] = completed[-1]
+            rest = [_number(item) for item in parts[k][len(layout) :]]
+            self.lines[number - 1] = ",".join([*completed, *rest])
+        self._remember(section, values, blanks)
+
+    def _remember(self, section: str, values: Mapping[str, str], blanks: set[str]) -> None:
+        if section == "BUS" and "BASKV" not in blanks:
+            self.kilovolts[values["I"]] = values["BASKV"]
+        elif section == "BRANCH":
+            self.done.line_charging.append(_float(values["B"]))
+        elif section == "GENERATOR":
+            self.done.blanks.append(frozenset(blanks))
+
+    def _unknown(self, record: Sequence[int]) -> None:
+        for number in record:
+            try:
+                fields = split_fields(self.lines[number - 1])
+            except ValueError:
+                continue
+            if any(_number(item) != item.written for item in fields):
+                self.lines[number - 1] = ",".join(_number(item) for item in fields)
+
+    def _split(self, number: int) -> list[Field]:
+        try:
+            return split_fields(self.lines[number - 1])
+        except ValueError as error:
+            self.done.faults.append(f"line {number}: {error}")
+            return []
+
+
+def _side_by_side(layout: Layout, fields: Sequence[Field]) -> list[tuple[Column, Field]]:
+    missing = [Field()] * max(0, len(layout) - len(fields))
+    return list(zip(layout, [*fields, *missing], strict=False))
+
+
+def _complete(column: Column, given: Field, defaults: Mapping[Base, str]) -> str:
+    """The field as it is written, or what it stands for where it is blank."""
+    if not given.blank:
+        if column.is_text:
+            return Field(given.text, quoted=True).written
+        return plain_number(given.text) if not given.quoted else given.written
+    default = column.default
+    value = defaults[default] if isinstance(default, Base) else default or ""
+    return Field(value, quoted=True).written if column.is_text else value
+
+
+def _number(item: Field) -> str:
+    return item.written if item.quoted else plain_real(item.text)
+
+
+def _float(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
