@@ -100,7 +100,9 @@ def test_salient_pole_machine_takes_its_resistance_from_the_network_too(case):
 def test_classical_machine_without_inertia_is_an_infinite_bus(case):
     found = device_records(case, data(WHOLE[0], ("GENCLS", 2, (0.0, 0.0))))
     assert by_name(found)["infinite_bus 2:1"] == {"resistance": 0.004, "reactance": 0.22}
-    assert found.skipped == ("GENCLS 2:1 (own.dyr:2) has H = 0: an infinite bus",)
+    assert found.skipped == (
+        "GENCLS 2:1 (own.dyr:2) has H = 0: an infinite bus behind 0.22 p.u. (ZSORCE)",
+    )
 
 
 def test_records_of_units_out_of_service_or_absent_are_told_not_read(case):

@@ -57,7 +57,7 @@ def test_records_of_a_plain_file():
 
 def test_separators_quotes_and_numbers_may_be_written_in_many_ways():
     data = read_dyr(OWN / "forms.dyr")
-    assert data.skipped == ()
+    assert data.skipped == (SkippedRecord(8, "4 'GENCLS' 1 2 0", is_comment=True),)
     assert data.records[1:] == (
         DynamicRecord("SEXS", 2, "DG", (-0.015, 5.0, 1.0, 5.0), 4),
         DynamicRecord("GENCLS", 3, "10", (4.0, 0.0), 8),

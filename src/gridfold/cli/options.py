@@ -94,6 +94,13 @@ class CaseOptions:
             "--allow-unsupported-network", help="Leave out what the network has no model for."
         ),
     ] = False
+    raw_revision: Annotated[
+        int | None,
+        _case_option(
+            help="Revision of a .raw file, 31 to 35, whatever its header says.",
+            show_default="that of the header",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         LoadModel.parse(self.loads)
@@ -111,6 +118,7 @@ class CaseOptions:
             unsupported=self.unsupported,
             without_data=WithoutData[self.no_data.name],
             allow_unsupported_network=self.allow_unsupported_network,
+            raw_revision=self.raw_revision,
         )
 
     def build(self, backend: NetworkBackend = NetworkBackend.AUTO) -> DetailedModel:
@@ -135,6 +143,7 @@ class CaseOptions:
             self.on_limit,
             self.unsupported,
             WithoutData[self.no_data.name],
+            self.raw_revision,
         )
 
 

@@ -154,7 +154,7 @@ def device_records(
         faults.append(f"no machine for generators in service: {extent}: {listed}")
         advice.append(_ABSORB)
     if faults:
-        raise CaseError(faults, data.file, advice)
+        raise CaseError([*faults, *records.comments()], data.file, advice)
     for unit in units.lacking:
         units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
@@ -213,7 +213,18 @@ class _Sorted:
             )
         for skipped in self.skipped:
             what = "user-written, of nothing in service" if skipped.unit else "no device record"
-            yield f"{self.file}:{skipped.line}: {what}: {skipped.text}"
+            if not skipped.is_comment:
+                yield f"{self.file}:{skipped.line}: {what}: {skipped.text}"
+        yield from self.comments()
+
+    def comments(self) -> Iterator[str]:
+        """What reads as a record but is a comment."""
+        for skipped in self.skipped:
+            if skipped.is_comment:
+                yield (
+                    f"{self.file}:{skipped.line}: it reads as a record but stands behind a /, "
+                    f"so it is a comment: {skipped.text}"
+                )
 
 
 def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _Sorted:
@@ -317,7 +328,8 @@ class _Units:
         if device.model == _CLASSICAL and parameters.get("inertia") == 0:
             device = self.devices[_INFINITE_BUS]
             parameters = {name: parameters[name] for name in ("resistance", "reactance")}
-            self.notices.append(f"{place} has H = 0: an infinite bus")
+            behind = f"{parameters['reactance']:g} p.u. (ZSORCE)"
+            self.notices.append(f"{place} has H = 0: an infinite bus behind {behind}")
         self._make(device, record, parameters)
         return device
 

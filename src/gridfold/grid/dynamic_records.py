@@ -53,11 +53,14 @@ class SkippedRecord:
     unit : UnitKey or None
         Bus and id of a user-written model, whose equations are in code that the user has; None for
         a record that is no device record of PSS/E at all.
+    is_comment : bool
+        Whether it stands behind the ``/`` of another record, where PSS/E reads nothing.
     """
 
     line: int
     text: str
     unit: UnitKey | None = None
+    is_comment: bool = False
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ by blanks, tabs, line ends and at most one comma; what follows the ``/`` is a co
 the line, and so is a line that begins with ``@!``. Texts may stand in quotes. Numbers are written as
 in Fortran: ``.5``, ``5.``, ``+1``, ``1.5D-2``.
 
-User-written models (``USRMDL`` and its like) and records that do not begin with a bus number are
-collected, not read.
+User-written models (``USRMDL`` and its like), records that do not begin with a bus number, and what
+reads as a record behind the ``/`` of another one, are collected, not read.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ _ITEM = re.compile(r"""'(?P<one>[^']*)'|"(?P<two>[^"]*)"|(?P<mark>[,/'"])|(?P<ba
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?")
 _BUS = re.compile(r"[0-9]{1,9}")
 _BEGIN = re.compile(r"\s*[0-9]+[\s,]*'\s*[A-Za-z]\w{2,}\s*'")
+_COMMENTED = re.compile(
+    r"""\s*[0-9]+[\s,]+('\s*[A-Za-z]\w{2,}\s*'|"\s*[A-Za-z]\w{2,}\s*"|[A-Z][A-Z0-9]{2,})"""
+    r"""[\s,]+('[^']*'|"[^"]*"|[^\s,/]+)[\s,]+[+-]?\.?[0-9]"""
+)
 _USER_WRITTEN = "USR"
 _HEADER = ("bus number", "model name", "id")
 _SHOWN = 60
@@ -94,6 +98,9 @@ def read_dyr(path: str | Path) -> DynamicData:
     records: list[DynamicRecord] = []
     skipped: list[SkippedRecord] = []
     for record in _split(read_foreign_text(path), faults):
+        if isinstance(record, SkippedRecord):
+            skipped.append(record)
+            continue
         try:
             parsed = _parse(record)
         except _RecordError as error:
@@ -108,7 +115,7 @@ def read_dyr(path: str | Path) -> DynamicData:
     return DynamicData(path.name, tuple(records), tuple(skipped))
 
 
-def _split(text: str, faults: list[str]) -> Iterator[_OpenRecord]:
+def _split(text: str, faults: list[str]) -> Iterator[_OpenRecord | SkippedRecord]:
     """The records of a text; what is wrong with their form goes into `faults`."""
     record = _OpenRecord()
     for number, line in enumerate(_LINE_END.split(text), start=1):
@@ -128,6 +135,7 @@ def _split(text: str, faults: list[str]) -> Iterator[_OpenRecord]:
             elif content == "/":
                 if record.begun:
                     yield record
+                    yield from _commented(line[found.end() :], number)
                 record = _OpenRecord()
                 break
             else:
@@ -135,6 +143,13 @@ def _split(text: str, faults: list[str]) -> Iterator[_OpenRecord]:
                 break
     if record.begun:
         faults.append(f"{record.name} is not ended by /")
+
+
+def _commented(comment: str, number: int) -> Iterator[SkippedRecord]:
+    """What reads as a record in the comment behind a record."""
+    for part in comment.split("/"):
+        if _COMMENTED.match(part):
+            yield SkippedRecord(number, part.strip()[:_SHOWN], is_comment=True)
 
 
 def _parse(record: _OpenRecord) -> DynamicRecord | SkippedRecord:

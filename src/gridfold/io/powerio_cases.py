@@ -236,9 +236,7 @@ def _place_of(message: str, sections: RawSections | None) -> str:
     return f" (line{'s' if len(lines) > 1 else ''} {shown})" if lines else ""
 
 
-def _places(
-    data: Mapping[str, Any], sections: RawSections, path: Path
-) -> dict[str, list[str]]:
+def _places(data: Mapping[str, Any], sections: RawSections, path: Path) -> dict[str, list[str]]:
     """Where each row of powerio's tables stands; a record that was lost on the way is an error."""
     places: dict[str, list[str]] = defaultdict(list)
     faults = []

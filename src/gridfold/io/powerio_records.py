@@ -109,7 +109,7 @@ def _add_load(draft: Draft, row: Row, place: str) -> None:
 
 
 def _add_shunts(draft: Draft) -> None:
-    """Fixed shunts by their ids, then switched ones by ``S`` and theirs, or ``SS`` where that is taken."""
+    """Fixed shunts by their ids, then switched ones by ``S`` and theirs, ``SS`` if that is taken."""
     taken: set[tuple[int, str]] = set()
     for row, place in draft.rows("shunts"):
         identifier = row["extras"].get("id", "1")
@@ -172,7 +172,7 @@ def _add_generators(draft: Draft) -> None:
 
 def _at_load_bus(draft: Draft, bus: Row) -> bool:
     """Whether PSS/E leaves a unit out for the type of its bus: type 1 of a RAW file."""
-    return draft.tables["source_format"] == "psse" and bus["kind"] == "PQ"
+    return bool(draft.tables["source_format"] == "psse" and bus["kind"] == "PQ")
 
 
 def _load_bus_notice(unit: Generator, place: str) -> str:

@@ -1,8 +1,8 @@
 """The revision of a PSS/E RAW file: by its header, or by the fields of its records.
 
-Up to revision 30 bus records held shunts (``GL, BL``), since 31 they do not, so that all that follows
-stands elsewhere. Since 34 the records of branches have a name, since 35 those of generators and switched
-shunts have a node.
+Up to revision 30 bus records held shunts (``GL, BL``), since 31 they do not, so that all that
+follows stands elsewhere. Since 34 the records of branches have a name, since 35 those of generators
+and switched shunts have a node.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ def find_revision(sections: RawSections, header: str, where: str) -> tuple[int, 
     line = f"line {sections.header}: the header"
     if not stated:
         if found is Family.OLD:
-            fault = f"{line} gives no revision, and the bus records have the fields of {found.value}"
+            fault = (
+                f"{line} gives no revision, and the bus records have the fields of {found.value}"
+            )
             raise CaseFileError(f"{fault}; {READABLE}", where)
         if found is None:
             fault = f"{line} gives no revision, and the records have no fields that would tell"
@@ -68,12 +70,14 @@ def find_revision(sections: RawSections, header: str, where: str) -> tuple[int, 
             f"read as {taken}"
         ]
     number = as_number(stated)
-    if number not in REVISIONS:
+    if number is None or number not in REVISIONS:
         raise CaseFileError(f"{line} gives the revision {stated!r}; {READABLE}", where)
     revision = int(number)
     named = revision >= 34
     if found is Family.OLD or (found is not None and named == (found is Family.WITHOUT_NAMES)):
-        fault = f"{line} gives revision {revision}, but the records have the fields of {found.value}"
+        fault = (
+            f"{line} gives revision {revision}, but the records have the fields of {found.value}"
+        )
         raise CaseFileError(fault, where, [_ADVICE])
     return revision, []
 

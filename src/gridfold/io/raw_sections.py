@@ -119,7 +119,8 @@ def find_sections(text: str, revision: int = 0) -> RawSections:
             named.add(_introduced(line))
             following = _section_after(line, section, revision)
             if section != "SUBSTATION" and following:  # its inner blocks have markers of their own
-                lines[position] = f"0 / END OF {section} DATA, BEGIN {following} DATA"
+                begin = "" if _nothing_after(lines, position) else f", BEGIN {following} DATA"
+                lines[position] = f"0 / END OF {section} DATA{begin}"
             section = following or section
             ended = section not in _NEEDED
         elif not _is_blank(line):
@@ -177,6 +178,11 @@ def _reads_as_record(line: str) -> bool:
 
 def _is_blank(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith("@")
+
+
+def _nothing_after(lines: Sequence[str], position: int) -> bool:
+    following = (line.strip().upper() for line in lines[position + 1 :] if not _is_blank(line))
+    return next(following, "Q") == "Q"
 
 
 def _is_marker(line: str) -> bool:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +61,7 @@ def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> N
     beside = path.with_name(path.name + ".meta.json")
     with replacing(beside) as notes, replacing(path) as table:
         with table.open("wb") as stream:
-            stream.write((",".join(frame.columns) + "\n").encode())
+            stream.write(_csv_line(frame.columns).encode())
             pc.write_csv(rows, stream, pc.WriteOptions(include_header=False))
         notes.write_text(text, encoding="utf-8")
 
@@ -81,6 +83,13 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[
     content: dict[str, Any] = {**arrays, "metadata": np.array(json.dumps(metadata))}
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **content)
+
+
+def _csv_line(cells: Iterable[str]) -> str:
+    """A line of CSV; names with commas or quotes stand in quotes."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
 
 
 def _json(data: Any) -> str:

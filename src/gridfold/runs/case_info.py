@@ -80,6 +80,7 @@ def examine_files(
     on_limit: OnLimit = OnLimit.ERROR,
     unsupported: Unsupported = Unsupported.ERROR,
     without_data: WithoutData = WithoutData.ERROR,
+    raw_revision: int | None = None,
 ) -> CaseInfo:
     """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
 
@@ -88,7 +89,7 @@ def examine_files(
     CaseError
         A file cannot be read, or the network is wrong.
     """
-    case = read_network(network, allow_unsupported=True)
+    case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
     if dyr is None:
         flow, trouble = _flow(case)
         return CaseInfo(case, basis_of_case(case, loads), power_flow=flow, trouble=trouble)

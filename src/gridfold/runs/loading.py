@@ -49,6 +49,7 @@ def load_case(
     unsupported: Unsupported | str = Unsupported.ERROR,
     without_data: WithoutData | str = WithoutData.ERROR,
     allow_unsupported_network: bool = False,
+    raw_revision: int | None = None,
 ) -> Case:
     """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
 
@@ -66,6 +67,9 @@ def load_case(
         What to do with generators in service that have no machine in these data.
     allow_unsupported_network : bool
         Leave out what gridfold has no model for in the network.
+    raw_revision : int, optional
+        Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
+        where it gives none, the one that the fields of the records tell.
 
     Raises
     ------
@@ -75,6 +79,8 @@ def load_case(
         An option has an unknown value, or the files do not go together.
     """
     if not is_network_file(source, dyr):
+        if raw_revision is not None:
+            raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
         return read_case(source)
     return load_psse(
         source,
@@ -82,6 +88,7 @@ def load_case(
         unsupported=unsupported,
         without_data=without_data,
         allow_unsupported_network=allow_unsupported_network,
+        raw_revision=raw_revision,
     ).case
 
 
@@ -104,6 +111,7 @@ def load_psse(
     unsupported: Unsupported | str = Unsupported.ERROR,
     without_data: WithoutData | str = WithoutData.ERROR,
     allow_unsupported_network: bool = False,
+    raw_revision: int | None = None,
 ) -> LoadedCase:
     """Load a case from a RAW file (or a MATPOWER file) and a DYR file.
 
@@ -113,7 +121,7 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported, without_data, allow_unsupported_network
+    unsupported, without_data, allow_unsupported_network, raw_revision
         As in :func:`gridfold.load_case`.
 
     Raises
@@ -125,7 +133,7 @@ def load_psse(
     """
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
-    case = read_network(raw, allow_unsupported_network)
+    case = read_network(raw, allow_unsupported_network, raw_revision)
     if dyr is not None:
         case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
     return LoadedCase(case, case.replacements, case.notices)

@@ -162,6 +162,7 @@ def load_grid(study: Study, folder: Path) -> tuple[Case, tuple[Path, ...]]:
         unsupported=wanted.unsupported,
         without_data=wanted.without_data,
         allow_unsupported_network=wanted.allow_unsupported_network,
+        raw_revision=wanted.raw_revision,
     )
     return case, tuple((folder / name).resolve() for name in wanted.devices)
 

@@ -74,6 +74,12 @@ class CaseSection(_Section):
     allow_unsupported_network: bool = Field(
         default=False, description="Leave out parts of the network that are not supported."
     )
+    raw_revision: int | None = Field(
+        default=None,
+        ge=31,
+        le=35,
+        description="Revision of a .raw file, 31 to 35, whatever its header says.",
+    )
     devices: tuple[str, ...] = Field(
         default=(), description="Python files with device models of your own, used by name."
     )

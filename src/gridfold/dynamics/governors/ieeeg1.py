@@ -22,17 +22,17 @@ from gridfold.dynamics.blocks import clip, held, lag, lead_lag
 from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling, Values, limits
 
 (
-    JBUS, M, K, T1, T2, T3, UO, UC, PMAX, PMIN,
+    JBUS, K, T1, T2, T3, UO, UC, PMAX, PMIN,
     T4, K1, K2, T5, K3, K4, T6, K5, K6, T7, K7, K8,
     POWER_BASE, PREF, BASE_SPEED,
-) = range(25)  # fmt: skip
+) = range(24)  # fmt: skip
 GOVERNOR, GATE, CHEST, REHEATER, CROSSOVER, OUTLET = range(6)
 OMEGA = 0
 PM = 0
 
 DYR_COLUMNS: tuple[str | None, ...] = (
     "second_bus",
-    "second_unit",
+    None,  # M, the id of a second unit at JBUS
     "governor_gain",
     "governor_lag_time",
     "governor_lead_time",
@@ -105,8 +105,8 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def check(parameters: Mapping[str, float]) -> Iterable[str]:
     """No second unit, a turbine that gives power, proper blocks and limits in order."""
-    if parameters["second_bus"] != 0 or parameters["second_unit"] != 0:
-        yield "second_bus JBUS and second_unit M: a second unit of the turbine is not modelled"
+    if parameters["second_bus"] != 0:
+        yield "second_bus JBUS: a second unit of the turbine is not modelled"
     for name, symbol in zip(_FRACTIONS, _SYMBOLS, strict=True):
         if parameters[f"second_{name}"] != 0:
             yield f"second_{name} {symbol} is power of a second unit, which is not modelled"
@@ -126,7 +126,6 @@ IEEEG1 = Device(
     role=Role.GOVERNOR,
     parameters=(
         Parameter("second_bus", "JBUS", "", Bound.ANY, default=0.0),
-        Parameter("second_unit", "M", "", Bound.ANY, default=0.0),
         Parameter("governor_gain", "K", "p.u.", Bound.NOT_NEGATIVE),
         Parameter("governor_lag_time", "T1", "s", Bound.NOT_NEGATIVE),
         Parameter("governor_lead_time", "T2", "s", Bound.NOT_NEGATIVE),
