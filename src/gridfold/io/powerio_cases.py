@@ -95,7 +95,10 @@ def read_network(
     CaseFileError
         The file cannot be read, its data are wrong, or it holds records that gridfold has no model
         for; lists all of them, with lines where they are known.
+    OptionError
+        There is no such revision, or the file is not a RAW file.
     """
+    check_revision(raw_revision)
     path = Path(path)
     file_format = _FORMATS.get(path.suffix.lower())
     if file_format is None:
@@ -116,11 +119,8 @@ def read_network(
 def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
     sections = find_sections(text, wanted or 0)
     try:
-        revision, notices = wanted or 0, list[str]()
-        if not wanted:
-            header = sections.text.split("\n")[max(sections.header - 1, 0)]
-            revision, notices = find_revision(sections, header, str(path))
-            sections = find_sections(text, revision)
+        revision, notices = (wanted, []) if wanted else find_revision(sections, str(path))
+        sections = find_sections(text, revision)
         if sections.open_section:
             fault = f"the file breaks off in the {sections.open_section} section"
             raise CaseFileError(fault, str(path))

@@ -72,6 +72,9 @@ class _Writer:
 
     def complete(self) -> CompleteRecords:
         self._header()
+        if self.revision == 31 and (shunts := self.sections.of("SWITCHED SHUNT")):
+            fault = "switched shunts are read since revision 32; PSS/E can save the file as that"
+            self.done.faults.append(f"line {shunts[0]}: {fault}")
         for section in ("BUS", *(name for name in self.sections.records if name != "BUS")):
             for record in self.sections.records.get(section, ()):
                 if section in self.layouts:
@@ -87,7 +90,8 @@ class _Writer:
             return
         fields = self._split(self.sections.header)
         texts = [plain_number(item.text.strip()) for item in fields] + [""] * len(_HEADER)
-        given = dict(zip(_HEADER, texts, strict=False)) | {"REV": self._written_revision()}
+        given = dict(zip(_HEADER, texts, strict=False))
+        given["REV"] = str(max(self.revision, 32))  # but for switched shunts 31 is like 32
         for name, unit in _UNITS.items():
             if not given[name]:
                 self.done.notices.append(
@@ -96,11 +100,6 @@ class _Writer:
         values = {name: given[name] or default for name, default in _HEADER.items()}
         self.base_mva = values["SBASE"]
         self.lines[self.sections.header - 1] = ",".join(values.values())
-
-    def _written_revision(self) -> str:
-        """31 differs from 32, which powerio knows, in switched shunts alone."""
-        as_32 = self.revision == 31 and not self.sections.of("SWITCHED SHUNT")
-        return "32" if as_32 else str(self.revision)
 
     def _record(self, section: str, record: Sequence[int]) -> None:
         parts = [self._split(number) for number in record]

@@ -39,13 +39,13 @@ def check_revision(revision: int | None) -> None:
         raise OptionError(f"raw_revision must be one of 31 to 35, not {revision!r}")
 
 
-def stated_revision(header: str) -> str:
-    """The revision that a header gives, as it stands there; empty if it gives none."""
-    fields = fields_of(header)
+def _stated_revision(sections: RawSections) -> str:
+    """The revision that the header gives, as it stands there; empty if it gives none."""
+    fields = fields_of(sections.text.split("\n")[max(sections.header - 1, 0)])
     return fields[_REVISION].text.strip() if len(fields) > _REVISION else ""
 
 
-def find_revision(sections: RawSections, header: str, where: str) -> tuple[int, list[str]]:
+def find_revision(sections: RawSections, where: str) -> tuple[int, list[str]]:
     """The revision of a file, and what is to be told of it; `where` is its name.
 
     Raises
@@ -53,7 +53,7 @@ def find_revision(sections: RawSections, header: str, where: str) -> tuple[int, 
     CaseFileError
         It is none that gridfold reads, the records contradict the header, or neither tells.
     """
-    stated, found = stated_revision(header), _family(sections)
+    stated, found = _stated_revision(sections), _family(sections)
     line = f"line {sections.header}: the header"
     if not stated:
         if found is Family.OLD:

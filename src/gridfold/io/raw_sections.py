@@ -191,8 +191,10 @@ def _is_marker(line: str) -> bool:
 
 def _introduced(line: str) -> str:
     """The section that a marker introduces by name; empty if it names none."""
+    if not _is_marker(line):
+        return ""
     found = re.search(r"(?:BEGIN|START OF)\s+(.*?)\s+DATA", line, re.IGNORECASE)
-    return _canonical(found[1]) if found and _is_marker(line) else ""
+    return _canonical(found[1]) if found else ""
 
 
 def _section_after(marker: str, section: str, revision: int) -> str:

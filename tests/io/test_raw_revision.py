@@ -1,0 +1,168 @@
+"""The revision of a RAW file: stated, told by the fields of its records, or asked for."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from raw_texts import BUSES, LINES, TRANSFORMERS, UNITS, raw_text
+
+import gridfold as gf
+from gridfold.io.powerio_cases import read_network
+
+OWN = Path(__file__).parent / "raw"
+#: The same five buses with shunts between type and area, as up to revision 30.
+OLD_BUSES = (
+    "1,'GEN-A',18.0,3,0.0,0.0,2,3,1.02,0.0,1",
+    "2,'GEN-B',20.0,2,0.0,0.0,2,3,1.01,0.0,1",
+    "3,'NORTH',230.0,1,0.0,30.0,2,3,1.0,0.0,1",
+    "4,'TOWN',230.0,1,0.0,0.0,2,3,1.0,0.0,1",
+    "5,'SOUTH',115.0,1,0.0,0.0,2,3,1.0,0.0,1",
+)
+#: Loads, shunts and the voltage stand in the record of the bus, its name after them.
+OLDEST_BUSES = (
+    "1,3,0.0,0.0,0.0,0.0,1,1.02,0.0,'bus-1',18.0,1",
+    "2,2,0.0,0.0,0.0,0.0,1,1.01,0.0,'bus-2',20.0,1",
+    "3,1,90.0,30.0,0.0,0.0,1,1.0,0.0,'bus-3',230.0,1",
+)
+NO_REVISION = ("0,100.0", "0,100.0 / PSS/E-30 RAW", "0,100.0,,0,1,60.0", "0 100.0 / NONE", ",")
+READABLE = "gridfold reads revisions 31 to 35"
+
+
+def read(tmp_path, text, **options):
+    path = tmp_path / "revision.raw"
+    path.write_text(text)
+    return read_network(path, **options)
+
+
+def refused(tmp_path, text, **options):
+    with pytest.raises(gf.CaseFileError) as raised:
+        read(tmp_path, text, **options)
+    return str(raised.value)
+
+
+@pytest.mark.parametrize("header", NO_REVISION)
+def test_without_a_revision_the_fields_of_bus_records_tell_it(header, tmp_path):
+    plain = read(tmp_path, raw_text())
+    found = read(tmp_path, raw_text(header=header))
+    assert found == replace(plain, base_mva=found.base_mva)
+    assert found.notices[0] == (
+        "the header gives no revision; the records have the fields of revisions 31 to 33, read as 33"
+    )
+
+
+@pytest.mark.parametrize("header", NO_REVISION)
+def test_without_a_revision_the_layout_of_30_is_refused_in_a_sentence(header, tmp_path):
+    message = refused(tmp_path, raw_text({"BUS": OLD_BUSES}, header))
+    assert "line 1: the header gives no revision, and the bus records have the fields of" in message
+    assert f"revision 30 or older; {READABLE}" in message
+
+
+@pytest.mark.parametrize(
+    "buses",
+    [
+        tuple(bus.replace("0.0,0.0,2", "0,0,2") for bus in OLD_BUSES),
+        tuple(bus[: bus.rindex(",")] for bus in OLD_BUSES),
+        tuple(",".join(bus.split(",")[:9]) for bus in OLD_BUSES),
+        OLDEST_BUSES,
+        tuple(bus.replace(",", " ") for bus in OLDEST_BUSES),
+    ],
+)
+def test_neighbours_of_the_old_layouts_are_recognized_too(buses, tmp_path):
+    for header in ("0,100.0", "0,100.0,33,0,1,60.0", "0,100.0,32"):
+        assert "the fields of revision 30 or older" in refused(
+            tmp_path, raw_text({"BUS": buses}, header)
+        )
+
+
+@pytest.mark.parametrize(
+    "revision", ["23", "26", "29", "30", "30.3", "36", "2019", "x", "-33", "0"]
+)
+def test_a_revision_that_is_not_read_is_refused_in_a_sentence(revision, tmp_path):
+    buses = OLD_BUSES if revision in ("29", "30") else OLDEST_BUSES
+    message = refused(tmp_path, raw_text({"BUS": buses}, f"0,100.0,{revision},0,1,60.0"))
+    assert f"line 1: the header gives the revision {revision!r}; {READABLE}" in message
+    assert "bus-1" not in message
+
+
+@pytest.mark.parametrize("revision", [32, 33, 34, 35])
+def test_files_of_other_revisions_without_it_are_read_as_with_it(revision, tmp_path):
+    path = OWN / f"revision_{revision}.raw"
+    text = path.read_text()
+    bare = text.replace(f"100.00, {revision},", "100.00,,", 1)
+    assert bare != text
+    found = read(tmp_path, bare)
+    assert replace(found, name=path.stem) == read_network(path)
+    assert f"read as {max(revision, 33)}" in found.notices[0]
+
+
+def test_records_with_names_contradict_a_header_of_33_and_the_reverse(tmp_path):
+    named = tuple(line.replace(",0.04,0", ",0.04,'L',0") for line in LINES)
+    message = refused(tmp_path, raw_text({"BRANCH": named}))
+    assert "the header gives revision 33, but the records have the fields of" in message
+    assert "--raw-revision 33 (raw_revision=33)" in message
+    message = refused(tmp_path, raw_text({}, "0,100.0,34,0,1,60.0"))
+    assert "gives revision 34, but the records have the fields of revisions 31 to 33" in message
+
+
+def test_where_nothing_tells_the_revision_is_asked_for(tmp_path):
+    short = tuple(",".join(bus.split(",")[:4]) for bus in BUSES)
+    for buses in (short, (BUSES[0], *OLD_BUSES[1:])):
+        text = raw_text({"BUS": buses}, "0,100.0")
+        message = refused(tmp_path, text)
+        assert "the header gives no revision, and the records have no fields" in message
+        assert "--raw-revision 33 (raw_revision=33), or another one from 31 to 35" in message
+    text = raw_text({"BUS": short}, "0,100.0")
+    assert [bus.voltage_pu for bus in read(tmp_path, text, raw_revision=33).buses] == [1.0] * 5
+
+
+def test_the_revision_that_is_asked_for_goes_before_that_of_the_header(tmp_path):
+    plain = read(tmp_path, raw_text())
+    for stated in ("", "30", "23", "35", "x"):
+        text = raw_text({}, f"0,100.0,{stated},0,1,60.0")
+        assert read(tmp_path, text, raw_revision=33) == plain
+    assert gf.load_case(tmp_path / "revision.raw", raw_revision=33) == plain
+
+
+@pytest.mark.parametrize("revision", [30, 36, 0, -1])
+def test_revisions_that_are_not_read_cannot_be_asked_for(revision, tmp_path):
+    with pytest.raises(gf.OptionError, match="raw_revision must be one of 31 to 35"):
+        read(tmp_path, raw_text(), raw_revision=revision)
+
+
+@pytest.mark.parametrize("source", ["npcc", OWN / "plain.m"])
+def test_a_revision_is_for_raw_files_alone(source):
+    with pytest.raises(gf.OptionError, match="raw_revision is for RAW files"):
+        gf.load_case(source, raw_revision=33)
+
+
+def test_voltages_of_the_stated_revision_are_those_of_the_file(tmp_path):
+    """A zone of 3 is no voltage: read by the wrong layout every bus was at 3 p.u."""
+    voltage = [bus.voltage_pu for bus in read(tmp_path, raw_text(header="0,100.0")).buses]
+    np.testing.assert_array_equal(voltage, [1.02, 1.01, 1.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    "titles", [(), ("ONE TITLE",), ("ONE TITLE, 3", "'TWO', 2"), ("1,2,3", "4,'5',6,7")]
+)
+def test_a_record_in_the_place_of_a_title_is_told(titles, tmp_path):
+    lost = 2 - len(titles)
+    text = raw_text({}, titles=titles)
+    if not lost:
+        assert read(tmp_path, text).notices == ()
+        return
+    message = refused(tmp_path, text)
+    assert message.count("it is taken for a title") == lost
+    assert "line 3 reads as a record but stands where one of the two lines of title" in message
+    spare = ("6,'SPARE',18.0,1,1,1,1,1.0,0.0", "7,'SPARE',18.0,1,1,1,1,1.0,0.0")[:lost]
+    case = read(tmp_path, raw_text({"BUS": (*spare, *BUSES)}, titles=titles))
+    assert len(case.buses) == 5
+    assert sum("it is taken for a title" in notice for notice in case.notices) == lost
+
+
+def test_a_section_named_where_a_title_belongs_is_no_title(tmp_path):
+    text = raw_text({"TRANSFORMER": TRANSFORMERS, "GENERATOR": UNITS}, titles=("ONE TITLE",))
+    head, rest = text.split("\n1,", 1)
+    found = read(tmp_path, f"{head}\n0 / BEGIN BUS DATA\n1,{rest}")
+    assert len(found.buses) == 5
+    assert found.notices == ()
