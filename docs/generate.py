@@ -68,6 +68,10 @@ _COLUMNS = {
     "Branch.resistance": "Series resistance in p.u. on the system base",
     "Branch.reactance": "Series reactance in p.u. on the system base; may be negative",
     "susceptance": "Total charging susceptance in p.u. on the system base",
+    "from_conductance": "Conductance to ground at the first bus in p.u.; out with the branch",
+    "from_susceptance": "Susceptance to ground at the first bus in p.u. (reactors: negative)",
+    "to_conductance": "Conductance to ground at the second bus in p.u.; out with the branch",
+    "to_susceptance": "Susceptance to ground at the second bus in p.u. (reactors: negative)",
     "ratio": "Off-nominal turns ratio at the first bus",
     "shift_deg": "Phase shift at the first bus in degrees",
     "in_service": "`false` takes the row out of the study",
@@ -109,6 +113,7 @@ _EVENT_FIELDS = {
 
 #: Defaults that depend on other keys.
 _STUDY_DEFAULTS = {
+    "case.raw_revision": "that of the header",
     "study_area.buses": "built-in cases: area 1",
     "study_area.areas": "built-in cases: area 1",
     "study_area.zones": "built-in cases: area 1",

@@ -122,6 +122,10 @@ def test_the_revision_that_is_asked_for_goes_before_that_of_the_header(tmp_path)
         text = raw_text({}, f"0,100.0,{stated},0,1,60.0")
         assert read(tmp_path, text, raw_revision=33) == plain
     assert gf.load_case(tmp_path / "revision.raw", raw_revision=33) == plain
+    old = read(tmp_path, raw_text({"BUS": OLD_BUSES}), raw_revision=33)
+    assert old.notices == (
+        "read as revision 33, but the records have the fields of revision 30 or older",
+    )
 
 
 @pytest.mark.parametrize("revision", [30, 36, 0, -1])

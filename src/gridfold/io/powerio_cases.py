@@ -119,7 +119,7 @@ def read_network(
 def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
     sections = find_sections(text, wanted or 0)
     try:
-        revision, notices = (wanted, []) if wanted else find_revision(sections, str(path))
+        revision, notices = find_revision(sections, str(path), wanted)
         sections = find_sections(text, revision)
         if sections.open_section:
             fault = f"the file breaks off in the {sections.open_section} section"

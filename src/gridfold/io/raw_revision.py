@@ -45,8 +45,12 @@ def _stated_revision(sections: RawSections) -> str:
     return fields[_REVISION].text.strip() if len(fields) > _REVISION else ""
 
 
-def find_revision(sections: RawSections, where: str) -> tuple[int, list[str]]:
+def find_revision(
+    sections: RawSections, where: str, wanted: int | None = None
+) -> tuple[int, list[str]]:
     """The revision of a file, and what is to be told of it; `where` is its name.
+
+    A revision that is `wanted` is taken whatever header and records tell.
 
     Raises
     ------
@@ -54,6 +58,12 @@ def find_revision(sections: RawSections, where: str) -> tuple[int, list[str]]:
         It is none that gridfold reads, the records contradict the header, or neither tells.
     """
     stated, found = _stated_revision(sections), _family(sections)
+    if wanted is not None:
+        if found is None or _suits(wanted, found):
+            return wanted, []
+        return wanted, [
+            f"read as revision {wanted}, but the records have the fields of {found.value}"
+        ]
     line = f"line {sections.header}: the header"
     if not stated:
         if found is Family.OLD:
@@ -73,13 +83,19 @@ def find_revision(sections: RawSections, where: str) -> tuple[int, list[str]]:
     if number is None or number not in REVISIONS:
         raise CaseFileError(f"{line} gives the revision {stated!r}; {READABLE}", where)
     revision = int(number)
-    named = revision >= 34
-    if found is Family.OLD or (found is not None and named == (found is Family.WITHOUT_NAMES)):
+    if found is not None and not _suits(revision, found):
         fault = (
             f"{line} gives revision {revision}, but the records have the fields of {found.value}"
         )
         raise CaseFileError(fault, where, [_ADVICE])
     return revision, []
+
+
+def _suits(revision: int, found: Family) -> bool:
+    """Whether records of this revision can have such fields; 34 and 35 are hard to tell apart."""
+    if found is Family.OLD:
+        return False
+    return (revision >= 34) == (found is not Family.WITHOUT_NAMES)
 
 
 def _family(sections: RawSections) -> Family | None:
