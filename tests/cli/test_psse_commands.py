@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gridfold.study.prepare import load_grid
+from gridfold.study.study_file import parse_study
+
 OWN = Path(__file__).parents[1] / "io"
 RAW, DYR = OWN / "raw" / "revision_33.raw", OWN / "dyr" / "plain.dyr"
 LACKING = OWN / "dyr" / "models_we_lack.dyr"
@@ -239,6 +242,23 @@ def test_an_unsupported_network_needs_leave(command):
     assert "--allow-unsupported-network" in text
 
 
+def test_a_file_that_hides_its_revision_is_read_as_it_is_told_on_every_way(command, tmp_path):
+    buses = "1,'A',230.0,3\n2,'B',230.0,2\n3,'C',230.0,1\n"
+    head, rest = RAW.read_text().split("    1,'NORTH", 1)
+    path = tmp_path / "short.raw"
+    path.write_text(head.replace(" 33,", ",") + buses + rest[rest.index("0 / END OF BUS") :])
+    assert "--raw-revision 33" in refusal(command, "info", path)
+    facts = record(command, "info", path, "--raw-revision", "33")
+    assert facts["file_counts"]["buses"] == 3
+    content = {
+        "schema": 1,
+        "case": {"source": path.name, "raw_revision": 33},
+        "contingencies": {"bus_faults": "1-3"},
+    }
+    case, _ = load_grid(parse_study(content), tmp_path)
+    assert case.fingerprint == facts["fingerprint"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -253,6 +273,8 @@ def test_an_unsupported_network_needs_leave(command):
         ((RAW, DYR, "--loads", "0.5,0.1,0.1"), "add up to 0.7"),
         ((RAW, DYR, "--unsupported", "ignore"), "ignore"),
         ((RAW, DYR, "--no-data", "ignore"), "ignore"),
+        ((RAW, DYR, "--raw-revision", "30"), "raw_revision must be one of 31 to 35, not 30"),
+        (("npcc", "--raw-revision", "33"), "raw_revision is for RAW files of PSS/E, not for npcc"),
     ],
 )
 def test_files_and_options_that_do_not_fit_are_refused_by_name(command, arguments, words):

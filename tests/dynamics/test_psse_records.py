@@ -97,6 +97,16 @@ def test_salient_pole_machine_takes_its_resistance_from_the_network_too(case):
     assert by_name(found)["gensal 2:1"]["resistance"] == 0.004
 
 
+def test_a_record_that_is_a_comment_is_told_with_and_without_faults(case):
+    comment = SkippedRecord(2, "2 'GENCLS' 1 4 0", is_comment=True)
+    told = "own.dyr:2: it reads as a record but stands behind a /, so it is a comment: 2 'GENCLS' 1 4 0"
+    lacking = replace(data(*WHOLE[:1]), skipped=(comment,))
+    with pytest.raises(gf.CaseError) as raised:
+        device_records(case, lacking)
+    assert raised.value.faults[-1] == told
+    assert told in device_records(case, replace(data(*WHOLE), skipped=(comment,))).skipped
+
+
 def test_classical_machine_without_inertia_is_an_infinite_bus(case):
     found = device_records(case, data(WHOLE[0], ("GENCLS", 2, (0.0, 0.0))))
     assert by_name(found)["infinite_bus 2:1"] == {"resistance": 0.004, "reactance": 0.22}

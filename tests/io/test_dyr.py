@@ -74,6 +74,32 @@ def test_a_slash_ends_a_record_and_the_rest_of_its_line_is_a_comment(written):
     )
 
 
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "2 'GENCLS' 1 4 0 /",
+        "2 'GENCLS' 1 4 0",
+        "2,'GENCLS','1',4,0 /",
+        "2 GENCLS 1 4.0 0.0 /",
+        '2 "GENCLS" "1 " .5 /',
+        "2 'USRMDL' 1 4 0 /",
+    ],
+)
+@pytest.mark.parametrize("between", ["", " ", " end of the first / "])
+def test_a_record_in_the_comment_of_another_is_told(written, comment, between):
+    data = read_dyr(written(f"\n1 'GENCLS' 1 4 0 /{between}{comment}\n"))
+    assert [record.bus for record in data.records] == [1]
+    text = comment.removesuffix("/").strip()
+    assert data.skipped == (SkippedRecord(2, text, is_comment=True),)
+
+
+@pytest.mark.parametrize(
+    "comment", ["2 machines", "4 'A note' 1", "GENCLS 2 1 4", "2 units of 4 MVA", "", "3, 4, 5"]
+)
+def test_other_comments_are_not_told(written, comment):
+    assert read_dyr(written(f"1 'GENCLS' 1 4 0 / {comment}\n/ 2 'GENCLS' 1 4 0 /")).skipped == ()
+
+
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
 def test_line_ends_byte_order_marks_and_other_encodings_do_not_matter(written, end):
     lines = [b"\xef\xbb\xbf1 'GENCLS' 1", b"4 0 / \xfc", b"2 'SEXS' 1", b"1 2 /", b"\x1a"]

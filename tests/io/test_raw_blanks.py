@@ -225,6 +225,14 @@ def test_faults_of_all_records_are_listed_at_once(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("kept", [1, 2, 3])
+def test_a_transformer_that_lacks_lines_is_refused_with_its_line(kept, tmp_path):
+    changes = {"TRANSFORMER": (*TRANSFORMERS[:4], *TRANSFORMERS[4 : 4 + kept])}
+    with pytest.raises(gf.CaseFileError) as raised:
+        read(tmp_path, changes)
+    assert raised.value.faults == [f"line 26: a transformer needs 4 lines, and {kept} are there"]
+
+
 @pytest.mark.parametrize(
     ("header", "base_mva", "frequency", "told"),
     [

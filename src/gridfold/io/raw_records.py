@@ -40,7 +40,8 @@ class CompleteRecords:
     text : str
         The file, line for line.
     faults : list of str
-        Fields that have no default and are blank, and quotes that are not closed, with lines.
+        Fields that have no default and are blank, quotes that are not closed, and records that lack
+        lines; with lines.
     notices : list of str
         Blank fields of the header that stand for a base.
     line_charging : list of float
@@ -102,6 +103,10 @@ class _Writer:
         self.lines[self.sections.header - 1] = ",".join(values.values())
 
     def _record(self, section: str, record: Sequence[int]) -> None:
+        if len(record) < len(self.layouts[section]):
+            needed = f"needs {len(self.layouts[section])} lines, and {len(record)} are there"
+            self.done.faults.append(f"line {record[0]}: {_WHAT[section]} {needed}")
+            return
         parts = [self._split(number) for number in record]
         winding_buses = [part.text for part in parts[0][:3]]
         ratios = parts[0][4].text if len(parts[0]) > 4 else ""
