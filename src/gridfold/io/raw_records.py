@@ -89,7 +89,7 @@ class _Writer:
     def _header(self) -> None:
         if not self.sections.header:
             return
-        fields = self._split(self.sections.header)
+        fields = self._split(self.sections.header) or []
         texts = [plain_number(item.text.strip()) for item in fields] + [""] * len(_HEADER)
         given = dict(zip(_HEADER, texts, strict=False))
         given["REV"] = str(max(self.revision, 32))  # but for switched shunts 31 is like 32
@@ -108,28 +108,33 @@ class _Writer:
             self.done.faults.append(f"line {record[0]}: {_WHAT[section]} {needed}")
             return
         parts = [self._split(number) for number in record]
-        winding_buses = [part.text for part in parts[0][:3]]
-        ratios = parts[0][4].text if len(parts[0]) > 4 else ""
+        if None in parts:
+            return
         values: dict[str, str] = {}
         blanks: set[str] = set()
-        for k, (number, layout) in enumerate(zip(record, self.layouts[section], strict=False)):
-            bus = winding_buses[k - 2] if k >= 2 and k - 2 < len(winding_buses) else ""
-            defaults = {
-                Base.SYSTEM: self.base_mva,
-                Base.WINDING: self.kilovolts.get(bus, "1") if ratios == _IN_KILOVOLTS else "1",
-            }
-            completed = []
-            for column, given in _side_by_side(layout, parts[k]):
-                if given.blank:
-                    blanks.add(column.name)
-                if given.blank and column.needed:
+        lines = zip(record, self.layouts[section], parts, strict=False)
+        for k, (number, layout, part) in enumerate(lines):
+            fields = part or []
+            given = _by_column(layout, fields)
+            blanks |= {column.name for column in layout if given[column].blank}
+            for column in layout:
+                if column.needed and given[column].blank:
                     what = f"{column.name} of {_WHAT[section]} is blank, and it has no default"
                     self.done.faults.append(f"line {number}: {what}")
-                completed.append(_complete(column, given, defaults))
-                values[column.name] = completed[-1]
-            rest = [_number(item) for item in parts[k][len(layout) :]]
-            self.lines[number - 1] = ",".join([*completed, *rest])
+            defaults = {Base.SYSTEM: self.base_mva, Base.WINDING: self._ratio(parts[0] or [], k)}
+            completed = {c.name: _complete(c, given[c], defaults) for c in layout}
+            values |= completed
+            rest = [_number(item) for item in fields[len(layout) :]]
+            self.lines[number - 1] = ",".join([*completed.values(), *rest])
         self._remember(section, values, blanks)
+
+    def _ratio(self, first: Sequence[Field], line: int) -> str:
+        """Ratio of a winding by default; those of a transformer begin in its third line."""
+        winding = line - 2
+        in_kilovolts = len(first) > 4 and first[4].text == _IN_KILOVOLTS
+        return (
+            self.kilovolts.get(first[winding].text, "1") if in_kilovolts and winding >= 0 else "1"
+        )
 
     def _remember(self, section: str, values: Mapping[str, str], blanks: set[str]) -> None:
         if section == "BUS" and "BASKV" not in blanks:
@@ -148,17 +153,17 @@ class _Writer:
             if any(_number(item) != item.written for item in fields):
                 self.lines[number - 1] = ",".join(_number(item) for item in fields)
 
-    def _split(self, number: int) -> list[Field]:
+    def _split(self, number: int) -> list[Field] | None:
         try:
             return split_fields(self.lines[number - 1])
         except ValueError as error:
             self.done.faults.append(f"line {number}: {error}")
-            return []
+            return None
 
 
-def _side_by_side(layout: Layout, fields: Sequence[Field]) -> list[tuple[Column, Field]]:
+def _by_column(layout: Layout, fields: Sequence[Field]) -> dict[Column, Field]:
     missing = [Field()] * max(0, len(layout) - len(fields))
-    return list(zip(layout, [*fields, *missing], strict=False))
+    return dict(zip(layout, [*fields, *missing], strict=False))
 
 
 def _complete(column: Column, given: Field, defaults: Mapping[Base, str]) -> str:
