@@ -40,24 +40,6 @@ def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]
     return groups
 
 
-def doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> tuple[str, ...]:
-    """What is odd in the parameters of devices in service, but can be simulated."""
-    live = {g.key for g in case.generators if g.in_service}
-    found = []
-    for record in case.devices:
-        device = devices.get(record.model)
-        if device is not None and record.key in live:
-            found += [
-                f"{case.locate(record)}: {text}" for text in device.doubts(_values(device, record))
-            ]
-    return tuple(found)
-
-
-def _values(device: Device, record: DeviceRecord) -> dict[str, float]:
-    given = {p.name: record.parameters.get(p.name, p.default) for p in device.parameters}
-    return {name: value for name, value in given.items() if value is not None}
-
-
 def negative_loads(case: Case) -> frozenset[UnitKey]:
     """Generators that the dynamic model treats as negative loads."""
     return frozenset(record.key for record in case.devices if record.model == NEGATIVE_LOAD)

@@ -156,8 +156,6 @@ class Device:
         First guess of unknowns by name from parameters and known signals; 0 where it is silent.
     check : callable
         Faults of one unit's parameters beyond their ranges.
-    doubts : callable
-        What is odd in one unit's parameters, but can be simulated: a warning.
     limits : tuple of Limit
         Parameters that are limits. The start is found without them, and then compared with them.
     psse_record : tuple of str or None
@@ -182,7 +180,6 @@ class Device:
     defaults: Mapping[str, float] = field(default_factory=dict)
     guess: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = lambda p, known: {}
     check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
-    doubts: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
     limits: tuple[Limit, ...] = ()
     psse_record: tuple[str | None, ...] = ()
 

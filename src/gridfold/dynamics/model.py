@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.assemble import assemble, doubts, negative_loads
+from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
@@ -28,6 +28,7 @@ from gridfold.dynamics.network.loads import (
     closed_with_loads,
     nonlinear_loads,
 )
+from gridfold.dynamics.plausible import case_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.unit_partials import UnitKernels
@@ -262,7 +263,8 @@ def build_model(
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
-    warnings = (*doubts(case, devices), *moved, *_check_equilibrium(start, compiled))
+    doubts = (str(doubt) for doubt in case_doubts(case, devices))
+    warnings = (*doubts, *moved, *_check_equilibrium(start, compiled))
     return DetailedModel(
         solved,
         start.layout,

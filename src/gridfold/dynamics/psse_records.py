@@ -4,6 +4,10 @@ A record belongs to the generator with its bus and id. What the file lacks comes
 stator resistance of GENROU and GENSAL and the whole impedance of GENCLS are ZSORCE of the generator.
 A GENCLS with H = 0 is an infinite bus.
 
+A record of a unit out of service has no effect, and is a notice. One that names a unit which the network
+does not have is told as *unplaced*: most are slips of the pen, and the unit that is meant lacks the device.
+Identifiers are compared as they stand, but for blanks around them: ``01`` is not ``1``, as in PSS/E.
+
 A model that gridfold does not have is never replaced in silence. By default it is an error; on request
 (:class:`Unsupported`) it is left out, and :class:`Replacement` tells what that touches:
 
@@ -96,6 +100,8 @@ class PsseDevices:
         What the model lacks of the file, by model.
     skipped : tuple of str
         Records without effect, such as those of units out of service, in words.
+    unplaced : tuple of str
+        Records that name a unit which the network does not have, in words.
     origins : mapping of str to str
         File and line of each device record, by its name.
     """
@@ -103,6 +109,7 @@ class PsseDevices:
     records: tuple[DeviceRecord, ...]
     replaced: tuple[Replacement, ...] = ()
     skipped: tuple[str, ...] = ()
+    unplaced: tuple[str, ...] = ()
     origins: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -134,7 +141,7 @@ def device_records(
     CaseError
         Lists every record with a wrong number of values, every unit with several devices of one
         role and, unless asked for something else, every unsupported model with its count and every
-        generator without data.
+        generator without data; beside them, as they may be why, the records that name no unit.
     """
     records = _sort(case, data, psse_devices(devices))
     units = _Units(case, records, devices, unsupported)
@@ -153,19 +160,21 @@ def device_records(
         listed = ", ".join(str(unit) for unit in units.lacking)
         faults.append(f"no machine for generators in service: {extent}: {listed}")
         advice.append(_ABSORB)
+    unplaced = tuple(records.unplaced_texts(case))
     if faults:
-        raise CaseError([*faults, *records.comments()], data.file, advice)
+        raise CaseError([*faults, *unplaced, *records.comments()], data.file, advice)
     for unit in units.lacking:
         units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
         units.leave_out(record)
     notices = (*records.notices(), *units.notices)
-    return PsseDevices(tuple(units.made), units.tally.replacements(), notices, units.origins)
+    replaced = units.tally.replacements()
+    return PsseDevices(tuple(units.made), replaced, notices, unplaced, units.origins)
 
 
 @dataclass
 class _Sorted:
-    """Records of a file: of units in service, of no unit, user-written, and without effect."""
+    """Records of a file: of units in service, of none, user-written, without effect, and unplaced."""
 
     file: str
     supported: Mapping[str, Device]
@@ -174,6 +183,8 @@ class _Sorted:
     user_written: list[SkippedRecord] = field(default_factory=list)
     ignored: list[DynamicRecord] = field(default_factory=list)
     skipped: list[SkippedRecord] = field(default_factory=list)
+    unplaced: list[DynamicRecord] = field(default_factory=list)
+    no_place: list[SkippedRecord] = field(default_factory=list)
 
     def kind(self, record: DynamicRecord) -> Kind:
         return kind_of(record.model, self.supported)
@@ -208,11 +219,11 @@ class _Sorted:
         for model, records in by_model.items():
             count = "1 record" if len(records) == 1 else f"{len(records)} records"
             yield (
-                f"{self.file}: {model}: {count} of units out of service or not in the network, "
+                f"{self.file}: {model}: {count} of units out of service, "
                 f"first {records[0].key} (line {records[0].line})"
             )
         for skipped in self.skipped:
-            what = "user-written, of nothing in service" if skipped.unit else "no device record"
+            what = "user-written, of a unit out of service" if skipped.unit else "no device record"
             if not skipped.is_comment:
                 yield f"{self.file}:{skipped.line}: {what}: {skipped.text}"
         yield from self.comments()
@@ -226,10 +237,28 @@ class _Sorted:
                     f"so it is a comment: {skipped.text}"
                 )
 
+    def unplaced_texts(self, case: Case) -> Iterator[str]:
+        for record in self.unplaced:
+            yield f"{self.place(record)}: {why_unplaced(case, record.key)}"
+        for skipped in self.no_place:
+            why = why_unplaced(case, skipped.unit) if skipped.unit else "it begins with no bus number"
+            yield f"{skipped.text} ({self.file}:{skipped.line}): {why}"
+
+
+def why_unplaced(case: Case, unit: UnitKey) -> str:
+    """Why there is no such unit, and which one may be meant."""
+    if unit.bus not in case.bus_index:
+        return f"there is no bus {unit.bus}"
+    there = [generator.id for generator in case.generators if generator.bus == unit.bus]
+    if not there:
+        return f"bus {unit.bus} has no unit"
+    listed = ", ".join(repr(name) for name in there)
+    return f"bus {unit.bus} has no unit {unit.id!r}, but {listed}"
+
 
 def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _Sorted:
     live = {g.key for g in case.generators if g.in_service}
-    idle = {g.key for g in case.generators if not g.in_service}
+    idle = {g.key for g in case.generators if not g.in_service} | case.left_out
 
     def concerned(unit: UnitKey) -> bool:
         """Whether a model of which nothing is known may belong to something in service."""
@@ -244,11 +273,18 @@ def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _So
             kind is Kind.UNKNOWN and concerned(record.key)
         ):
             found.apart.append(record)
-        else:
+        elif record.key in idle:
             found.ignored.append(record)
+        else:
+            found.unplaced.append(record)
     for skipped in data.skipped:
-        matters = skipped.unit is not None and concerned(skipped.unit)
-        (found.user_written if matters else found.skipped).append(skipped)
+        if skipped.unit is None:
+            meant = kind_of(skipped.model, supported) is not Kind.UNKNOWN
+            (found.no_place if meant else found.skipped).append(skipped)
+        elif concerned(skipped.unit):
+            found.user_written.append(skipped)
+        else:
+            (found.skipped if skipped.unit in idle else found.no_place).append(skipped)
     return found
 
 

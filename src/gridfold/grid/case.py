@@ -13,6 +13,7 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from gridfold.grid.doubts import Doubt
 from gridfold.grid.replacement import Replacement
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
@@ -187,8 +188,10 @@ class Case:
     `origins` tells for a record's name (``str(record)``) the file and line it came from.
     `unsupported` has a line for every record of the network that could not be taken over, `notices`
     one for what was left out or changed without loss. `replacements` tells what became of dynamic data
-    that are not there as in the file, `file_counts` how many records of each kind the file of the
-    network holds. None of the five has a part in comparisons.
+    that are not there as in the file, `unplaced` which of them name a unit that the network does not have.
+    `doubts` are those about values that the file alone shows, `file_counts` how many records of each kind
+    the file of the network holds, `left_out` the units of the file that are not in the case, such as those
+    at isolated buses. None of these has a part in comparisons.
     """
 
     name: str
@@ -206,7 +209,10 @@ class Case:
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)
     replacements: tuple[Replacement, ...] = field(default=(), compare=False)
+    unplaced: tuple[str, ...] = field(default=(), compare=False)
+    doubts: tuple[Doubt, ...] = field(default=(), compare=False)
     file_counts: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
+    left_out: frozenset[UnitKey] = field(default=frozenset(), compare=False, repr=False)
 
     @cached_property
     def bus_index(self) -> dict[int, int]:

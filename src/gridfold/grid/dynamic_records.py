@@ -55,12 +55,15 @@ class SkippedRecord:
         a record that is no device record of PSS/E at all.
     is_comment : bool
         Whether it stands behind the ``/`` of another record, where PSS/E reads nothing.
+    model : str
+        Its second item in upper case, where a device record has its model.
     """
 
     line: int
     text: str
     unit: UnitKey | None = None
     is_comment: bool = False
+    model: str = ""
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,7 @@ def without_buses(case: Case, numbers: Sequence[int]) -> tuple[Case, str]:
         generators=tuple(unit for unit in case.generators if unit.bus not in gone),
         loads=tuple(load for load in case.loads if load.bus not in gone),
         shunts=tuple(shunt for shunt in case.shunts if shunt.bus not in gone),
+        left_out=case.left_out | {unit.key for unit in case.generators if unit.bus in gone},
     )
     counts = [
         f"{before - after} {table if before - after > 1 else _SINGULAR[table]}"

@@ -153,6 +153,7 @@ def with_devices(
         origins={**case.origins, **found.origins},
         notices=(*case.notices, *found.skipped),
         replacements=found.replaced,
+        unplaced=found.unplaced,
     )
 
 

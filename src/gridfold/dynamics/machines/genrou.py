@@ -24,7 +24,6 @@ S(1.2). Power over speed is the torque here; the two-axis machine takes power fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -185,18 +184,6 @@ def d_axis_guess(
 
 Named = tuple[str, str]
 
-D_AXIS: tuple[Named, ...] = (
-    ("d_reactance", "Xd"),
-    ("d_transient_reactance", "X'd"),
-    ("subtransient_reactance", "X''d"),
-    ("leakage_reactance", "Xl"),
-)
-Q_AXIS: tuple[Named, ...] = (
-    ("q_reactance", "Xq"),
-    ("q_transient_reactance", "X'q"),
-    ("subtransient_reactance", "X''q"),
-)
-
 
 def check(parameters: Mapping[str, float]) -> Iterable[str]:
     """Both axes have a transient circuit, with a reactance other than that of the leakage."""
@@ -211,20 +198,6 @@ def check(parameters: Mapping[str, float]) -> Iterable[str]:
         )
     if not missing:
         yield from above_leakage(parameters, pairs[1])
-
-
-def doubts(parameters: Mapping[str, float]) -> Iterable[str]:
-    """Reactances that do not fall from synchronous to leakage."""
-    yield from falling(parameters, D_AXIS)
-    yield from falling(parameters, Q_AXIS)
-
-
-def falling(parameters: Mapping[str, float], order: tuple[Named, ...]) -> Iterator[str]:
-    """Sentences where a parameter is less than its successor in `order`."""
-    for (name, symbol), (next_name, next_symbol) in pairwise(order):
-        value, following = parameters[name], parameters[next_name]
-        if value < following:
-            yield f"{name} ({symbol}) {value!r} is less than {next_name} ({next_symbol}) {following!r}"
 
 
 def above_leakage(parameters: Mapping[str, float], named: Named) -> Iterator[str]:
@@ -290,6 +263,5 @@ GENROU = Device(
     solved_inputs=("field_voltage", "mechanical_power"),
     guess=guess,
     check=check,
-    doubts=doubts,
     psse_record=DYR_COLUMNS,
 )

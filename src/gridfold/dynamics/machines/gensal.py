@@ -22,13 +22,11 @@ import numpy as np
 from gridfold.dynamics.blocks import quadratic_saturation
 from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling, Values
 from gridfold.dynamics.machines.genrou import (
-    D_AXIS,
     above_leakage,
     acceleration,
     admittance,
     between,
     d_axis_guess,
-    falling,
     induced,
     phasors,
     rising_saturation,
@@ -110,12 +108,6 @@ def check(parameters: Mapping[str, float]) -> Iterable[str]:
     yield from rising_saturation(parameters)
 
 
-def doubts(parameters: Mapping[str, float]) -> Iterable[str]:
-    """Reactances that do not fall from synchronous to leakage."""
-    yield from falling(parameters, D_AXIS)
-    yield from falling(parameters, (("q_reactance", "Xq"), ("subtransient_reactance", "X''q")))
-
-
 GENSAL = Device(
     model="gensal",
     title="PSS/E salient-pole machine GENSAL",
@@ -156,6 +148,5 @@ GENSAL = Device(
     solved_inputs=("field_voltage", "mechanical_power"),
     guess=guess,
     check=check,
-    doubts=doubts,
     psse_record=DYR_COLUMNS,
 )
