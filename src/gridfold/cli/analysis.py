@@ -102,7 +102,6 @@ def _info_record(found: CaseInfo) -> dict[str, Any]:
         "machines": None if model is None else len(model.machines),
         "states": None if model is None else model.n_states,
         "equilibrium_residual": None if model is None else model.residual,
-        "warnings": [] if model is None else list(model.warnings),
         "trouble": found.trouble,
         **found.basis.record(),
     }

@@ -21,7 +21,7 @@ from rich.progress import (
 )
 
 from gridfold.io.results import write_json
-from gridfold.report.tables import basis_facts, facts_table
+from gridfold.report.tables import basis_facts, doubt_lines, facts_table
 from gridfold.runs.basis import Basis
 from gridfold.systems.status import Status
 
@@ -77,9 +77,11 @@ def say_model(name: str, reason: str | None) -> None:
 
 def say_basis(basis: Basis) -> None:
     """Tell what a result rests on beside the data, and whether that is validated."""
+    for line in (*basis.warnings, *doubt_lines(basis.data_doubts)):
+        out.print(f"warning: {line}", style="yellow", markup=False, highlight=False)
     out.print(facts_table(basis_facts(basis)))
     if not basis.validated:
-        text = f"not validated: {'; '.join(basis.doubts)}"
+        text = f"not validated: {'; '.join(basis.reasons)}"
         out.print(text, style="bold yellow", markup=False, highlight=False)
 
 

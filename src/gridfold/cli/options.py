@@ -29,10 +29,13 @@ from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.number_ranges import parse_numbers
 from gridfold.partition import Coupling, Partition, couple, study_buses
+from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
 from gridfold.runs.loading import is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
+from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.unstable_start import with_start_checked
 
 _case_option = partial(typer.Option, rich_help_panel="Case")
 run_option = partial(typer.Option, rich_help_panel="Runs")
@@ -101,6 +104,12 @@ class CaseOptions:
             show_default="that of the header",
         ),
     ] = None
+    strict: Annotated[
+        bool,
+        _case_option(
+            "--strict", help="Unusual data, records of no unit and an unstable start are errors."
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         LoadModel.parse(self.loads)
@@ -119,6 +128,7 @@ class CaseOptions:
             without_data=WithoutData[self.no_data.name],
             allow_unsupported_network=self.allow_unsupported_network,
             raw_revision=self.raw_revision,
+            strict=self.strict,
         )
 
     def build(self, backend: NetworkBackend = NetworkBackend.AUTO) -> DetailedModel:
@@ -128,12 +138,21 @@ class CaseOptions:
                 f"{self.case} holds the network alone; the file with its dynamic data (.dyr) comes "
                 "after it"
             )
-        return build_model(
-            self.load(), backend=backend, on_limit=self.on_limit, loads=self.load_model
+        model = with_start_checked(
+            build_model(self.load(), backend=backend, on_limit=self.on_limit, loads=self.load_model)
         )
+        if self.strict:
+            refuse_doubtful_start(model.case, basis_of(model))
+        return model
 
     def examine(self) -> CaseInfo:
         """The case as far as it goes."""
+        found = self._examined()
+        if self.strict:
+            refuse_doubtful_start(found.case, found.basis)
+        return found
+
+    def _examined(self) -> CaseInfo:
         if not is_network_file(self.case, self.dyr):
             return examine_case(self.load(), self.load_model, self.on_limit)
         return examine_files(

@@ -39,7 +39,6 @@ from gridfold.report.tables import (
     model_facts,
     notice_table,
     run_facts,
-    shortened,
     swing_table,
 )
 from gridfold.runs.basis import basis_of
@@ -229,9 +228,6 @@ simulate.__doc__ = _SIMULATE_HELP
 
 def _print_run(run: Trajectory, summary: Summary) -> None:
     basis = basis_of(run.model)
-    warned = [line for line in run.model.warnings if not line.endswith(basis.limits_moved)]
-    for line in shortened(warned):
-        out.print(f"warning: {line}", style="yellow", markup=False)
     out.print(swing_table(summary))
     out.print(facts_table(run_facts(run, summary)))
     say_basis(basis)

@@ -28,13 +28,14 @@ from gridfold.dynamics.network.loads import (
     closed_with_loads,
     nonlinear_loads,
 )
-from gridfold.dynamics.plausible import case_doubts
+from gridfold.dynamics.plausible import model_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError
 from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.doubts import Doubt
 from gridfold.grid.network_state import NetworkState
 from gridfold.grid.timeline import initial_state
 from gridfold.numerics.rhs import CompiledRhs
@@ -74,6 +75,8 @@ class DetailedModel:
         The right-hand side.
     warnings : tuple of str
         What was noticed while building.
+    doubts : tuple of Doubt
+        Data of the case that are hardly meant.
     loads : LoadModel
         How loads depend on voltage.
     """
@@ -89,6 +92,7 @@ class DetailedModel:
     compiled: CompiledRhs = field(repr=False)
     warnings: tuple[str, ...] = ()
     loads: LoadModel = field(default_factory=LoadModel)
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def case(self) -> Case:
@@ -263,8 +267,7 @@ def build_model(
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
-    doubts = (str(doubt) for doubt in case_doubts(case, devices))
-    warnings = (*doubts, *moved, *_check_equilibrium(start, compiled))
+    warnings = (*moved, *_check_equilibrium(start, compiled))
     return DetailedModel(
         solved,
         start.layout,
@@ -277,6 +280,7 @@ def build_model(
         compiled,
         warnings,
         loads,
+        model_doubts(solved, devices),
     )
 
 

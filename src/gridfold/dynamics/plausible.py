@@ -22,6 +22,8 @@ from gridfold.dynamics.registry import DEVICES
 from gridfold.grid.case import Case, DeviceRecord, Generator
 from gridfold.grid.doubts import Doubt, Usual, doubt_of, various_first
 from gridfold.grid.plausible import OVERLOAD, network_doubts
+from gridfold.powerflow.plausible import flow_doubts
+from gridfold.powerflow.result import PowerFlowResult
 
 _INERTIA = "Kundur, table 3.2: 2 s (hydro) to 10 s (four poles)"
 _MACHINE = "Kundur, table 4.2"
@@ -225,6 +227,13 @@ ORDERS = (
 def case_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> tuple[Doubt, ...]:
     """All doubts about a case: what its file alone shows, the network, the devices in service."""
     return various_first((*case.doubts, *network_doubts(case), *device_doubts(case, devices)))
+
+
+def model_doubts(
+    power_flow: PowerFlowResult, devices: Mapping[str, Device] = DEVICES
+) -> tuple[Doubt, ...]:
+    """The same, and those about the operating point."""
+    return various_first((*case_doubts(power_flow.case, devices), *flow_doubts(power_flow)))
 
 
 def device_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[Doubt]:

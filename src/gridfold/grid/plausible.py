@@ -62,8 +62,13 @@ def _set_point(unit: Generator, case: Case) -> float | None:
 
 
 def _loading(unit: Generator, case: Case) -> float | None:
-    """Power in parts of the unit's base; None where the base is that of the system, so no rating."""
-    return None if unit.base_mva == case.base_mva else abs(unit.active_mw) / unit.base_mva
+    """Power in parts of the unit's base; None where that is the base of the system, so no rating.
+
+    What slack units give is not stored, but solved.
+    """
+    if unit.base_mva == case.base_mva or unit.control is Control.SLACK:
+        return None
+    return abs(unit.active_mw) / unit.base_mva
 
 
 def _is_transmission(branch: Branch, case: Case) -> bool:

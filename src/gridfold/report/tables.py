@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from rich.markup import escape
 from rich.table import Table
@@ -15,6 +16,7 @@ from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.equivalents.families import ReducedExternal
 from gridfold.equivalents.ladder import Ladder
 from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.doubts import Doubt
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
 from gridfold.runs.basis import Basis
@@ -124,6 +126,25 @@ def shortened(lines: Sequence[str], shown: int = 5) -> list[str]:
     return [*lines[:shown], *(more if len(lines) > shown else [])]
 
 
+def doubt_lines(doubts: Sequence[Doubt], shown: int = 6) -> list[str]:
+    """A line for each row of the tables of usual values, with the first record that is beyond it."""
+    first: dict[str, tuple[Doubt, str]] = {}
+    counts: Counter[str] = Counter()
+    for doubt in doubts:
+        counts.update(doubt.rows)
+        for row, text in zip(doubt.rows, doubt.texts, strict=True):
+            first.setdefault(row, (doubt, text))
+    lines = []
+    for row, (doubt, text) in first.items():
+        others = f"; {counts[row] - 1} more of this kind" if counts[row] > 1 else ""
+        lines.append(f"{replace(doubt, rows=(row,), texts=(text,))}{others}")
+    if len(lines) > shown or len(lines) < len(doubts):
+        left = f"{len(lines) - shown} more kinds; " if len(lines) > shown else ""
+        records = f"{len(doubts)} records with unusual values"
+        return [*lines[:shown], f"{left}{records}: gridfold info --json - lists all of them"]
+    return lines
+
+
 def basis_facts(basis: Basis) -> dict[str, str]:
     """What results rest on beside the data; rows only for what there is."""
     facts = {"Loads": str(basis.loads)}
@@ -132,6 +153,7 @@ def basis_facts(basis: Basis) -> dict[str, str]:
         ("Limits moved", basis.limits_moved),
         ("Unsupported", basis.unsupported),
         ("Missing", basis.missing),
+        ("No such unit", basis.unplaced),
         ("Notes", basis.notices),
     ):
         if lines:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.loads import LoadModel
 from gridfold.grid.case import Case
+from gridfold.grid.doubts import Doubt
 from gridfold.grid.replacement import Replacement
 
 
@@ -29,6 +30,12 @@ class Basis:
         What else was noticed in the files.
     missing : tuple of str
         Faults of dynamic data for which there is no model at all.
+    unplaced : tuple of str
+        Records of dynamic data that name a unit which the network does not have.
+    data_doubts : tuple of Doubt
+        Data that are hardly meant.
+    warnings : tuple of str
+        What else was noticed while the model was built.
     """
 
     loads: LoadModel = field(default_factory=LoadModel)
@@ -37,9 +44,12 @@ class Basis:
     unsupported: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
+    unplaced: tuple[str, ...] = ()
+    data_doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def reasons(self) -> tuple[str, ...]:
         """Why results are not validated, in words; none if they are."""
         lines = []
         if self.replacements:
@@ -49,6 +59,9 @@ class Basis:
             lines.append(f"{kinds} of dynamic data replaced or left out{touched}")
         if self.unsupported:
             lines.append(f"{_count(len(self.unsupported), 'part')} of the network left out")
+        if self.unplaced:
+            count = _count(len(self.unplaced), "record")
+            lines.append(f"{count} of dynamic data at units that are not there")
         if self.missing:
             lines.append(f"{_count(len(self.missing), 'fault')} of the dynamic data")
         return tuple(lines)
@@ -56,7 +69,7 @@ class Basis:
     @property
     def validated(self) -> bool:
         """Whether everything in the files that acts has the model that the files ask for."""
-        return not self.doubts
+        return not self.reasons
 
     def record(self) -> dict[str, Any]:
         """All of it, ready for JSON."""
@@ -66,23 +79,37 @@ class Basis:
             "replacements": [item.record() for item in self.replacements],
             "limits_moved": list(self.limits_moved),
             "unsupported": list(self.unsupported),
+            "unplaced": list(self.unplaced),
             "case_notices": list(self.notices),
+            "warnings": list(self.warnings),
+            "data_doubts": [str(doubt) for doubt in self.data_doubts],
         }
 
 
 def basis_of(model: DetailedModel) -> Basis:
     """What results of a model rest on."""
-    return basis_of_case(model.case, model.loads, model.limits_moved)
+    moved = model.limits_moved
+    warnings = tuple(line for line in model.warnings if not line.endswith(moved))
+    basis = basis_of_case(model.case, model.loads, model.doubts)
+    return replace(basis, limits_moved=moved, warnings=warnings)
 
 
 def basis_of_case(
     case: Case,
     loads: LoadModel,
-    limits_moved: tuple[str, ...] = (),
+    doubts: tuple[Doubt, ...],
     missing: tuple[str, ...] = (),
 ) -> Basis:
     """The same of a case of which there may be no model."""
-    return Basis(loads, case.replacements, limits_moved, case.unsupported, case.notices, missing)
+    return Basis(
+        loads,
+        case.replacements,
+        unsupported=case.unsupported,
+        notices=case.notices,
+        missing=missing,
+        unplaced=case.unplaced,
+        data_doubts=doubts,
+    )
 
 
 def _count(count: int, what: str) -> str:

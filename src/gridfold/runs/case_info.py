@@ -10,17 +10,20 @@ from typing import NamedTuple
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
+from gridfold.dynamics.plausible import case_doubts, model_doubts
 from gridfold.dynamics.psse_models import kind_of, psse_devices
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import CaseError, InitializationError, PowerFlowError
 from gridfold.grid.case import Branch, Case
+from gridfold.grid.doubts import Doubt
 from gridfold.grid.dynamic_records import DynamicData, SkippedRecord
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
-from gridfold.runs.basis import Basis, basis_of_case
+from gridfold.runs.basis import Basis, basis_of, basis_of_case
 from gridfold.runs.loading import with_devices
+from gridfold.runs.unstable_start import with_start_checked
 
 
 class ModelCount(NamedTuple):
@@ -92,34 +95,33 @@ def examine_files(
     case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
     if dyr is None:
         flow, trouble = _flow(case)
-        return CaseInfo(case, basis_of_case(case, loads), power_flow=flow, trouble=trouble)
+        basis = basis_of_case(case, loads, _doubts(case, flow))
+        return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
     data = read_dyr(dyr)
     models = _counts(data)
     try:
         case = with_devices(case, data, unsupported, without_data)
     except CaseError as error:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, missing=tuple(error.faults))
+        basis = basis_of_case(case, loads, _doubts(case, flow), tuple(error.faults))
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
     flow, trouble = _flow(case)
     model = None
     if flow is not None:
         try:
-            model = build_model(case, flow, loads=loads, on_limit=on_limit)
+            model = with_start_checked(build_model(case, flow, loads=loads, on_limit=on_limit))
         except (CaseError, InitializationError) as error:
             trouble = str(error)
-    moved = () if model is None else model.limits_moved
-    basis = basis_of_case(case, loads, moved)
+    basis = basis_of_case(case, loads, _doubts(case, flow)) if model is None else basis_of(model)
     return CaseInfo(case, basis, models, data.skipped, (), flow, model, trouble)
 
 
 def examine_case(case: Case, loads: LoadModel, on_limit: OnLimit = OnLimit.ERROR) -> CaseInfo:
     """The same of a case that is loaded; raises as :func:`gridfold.build_model`."""
-    model = build_model(case, loads=loads, on_limit=on_limit)
+    model = with_start_checked(build_model(case, loads=loads, on_limit=on_limit))
     counts = Counter(record.model for record in case.devices)
     models = tuple(ModelCount(name, _role(name), n, True) for name, n in counts.items())
-    basis = basis_of_case(case, loads, model.limits_moved)
-    return CaseInfo(case, basis, models, power_flow=model.power_flow, model=model)
+    return CaseInfo(case, basis_of(model), models, power_flow=model.power_flow, model=model)
 
 
 def area_ties(case: Case) -> tuple[AreaTie, ...]:
@@ -142,6 +144,10 @@ def _flow(case: Case) -> tuple[PowerFlowResult | None, str]:
         return solve_power_flow(case), ""
     except PowerFlowError as error:
         return None, str(error)
+
+
+def _doubts(case: Case, flow: PowerFlowResult | None) -> tuple[Doubt, ...]:
+    return case_doubts(case) if flow is None else model_doubts(flow)
 
 
 def _counts(data: DynamicData) -> tuple[ModelCount, ...]:

@@ -15,6 +15,7 @@ from gridfold.grid.replacement import Replacement
 from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
+from gridfold.runs.strict import refuse_doubtful_case
 
 Choice = TypeVar("Choice", bound=Enum)
 
@@ -50,6 +51,7 @@ def load_case(
     without_data: WithoutData | str = WithoutData.ERROR,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
+    strict: bool = False,
 ) -> Case:
     """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
 
@@ -70,26 +72,33 @@ def load_case(
     raw_revision : int, optional
         Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
         where it gives none, the one that the fields of the records tell.
+    strict : bool
+        Refuse data that are hardly meant, and dynamic data of units that the network does not have.
 
     Raises
     ------
     CaseError
-        A file is missing or cannot be read, or its data are wrong or not supported; lists every fault.
+        A file is missing or cannot be read, or its data are wrong or not supported; with `strict` also
+        where they are hardly meant. Lists every fault.
     OptionError
         An option has an unknown value, or the files do not go together.
     """
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
-        return read_case(source)
-    return load_psse(
-        source,
-        dyr,
-        unsupported=unsupported,
-        without_data=without_data,
-        allow_unsupported_network=allow_unsupported_network,
-        raw_revision=raw_revision,
-    ).case
+        case = read_case(source)
+    else:
+        case = load_psse(
+            source,
+            dyr,
+            unsupported=unsupported,
+            without_data=without_data,
+            allow_unsupported_network=allow_unsupported_network,
+            raw_revision=raw_revision,
+        ).case
+    if strict:
+        refuse_doubtful_case(case)
+    return case
 
 
 def is_network_file(source: str | Path, dyr: str | Path | None = None) -> bool:

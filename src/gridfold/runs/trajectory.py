@@ -266,7 +266,6 @@ class Trajectory:
             "culprit": self.culprit,
             "steps": self.run.step_count,
             "notices": [notice._asdict() for notice in self.notices],
-            "warnings": list(self.model.warnings),
             **basis_of(self.model).record(),
         }
 

@@ -351,12 +351,6 @@ def _family(offline: Offline, model: DetailedModel) -> tuple[Partition | None, F
     return family.parts, family
 
 
-def _further_warnings(model: DetailedModel) -> list[str]:
-    """Warnings of the model without those of the limits that were moved."""
-    moved = model.limits_moved
-    return [line for line in model.warnings if not line.endswith(moved)]
-
-
 def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
     """The model and its settings for people and the report, ready for JSON."""
     small = prepared.small
@@ -369,8 +363,7 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
         "study_buses": as_ranges(offline.study_buses),
         "machines": len(prepared.model.machines),
         "states": prepared.model.n_states,
-        "warnings": _further_warnings(prepared.model),
-        **basis_of(prepared.model).record(),
+        **basis_of(with_start_checked(prepared.model)).record(),
     }
     if small is None or prepared.parts is None:
         return record

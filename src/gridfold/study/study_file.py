@@ -80,6 +80,10 @@ class CaseSection(_Section):
         le=35,
         description="Revision of a .raw file, 31 to 35, whatever its header says.",
     )
+    strict: bool = Field(
+        default=False,
+        description="Unusual data, records of no unit and an unstable start are errors.",
+    )
     devices: tuple[str, ...] = Field(
         default=(), description="Python files with device models of your own, used by name."
     )
