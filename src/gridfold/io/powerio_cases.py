@@ -36,6 +36,7 @@ from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.powerio_branches import LINE_CHARGING
 from gridfold.io.powerio_records import BLANK_FIELDS, convert_network
+from gridfold.io.raw_codes import check_codes
 from gridfold.io.raw_fields import INNER_QUOTE
 from gridfold.io.raw_records import CompleteRecords, complete_records
 from gridfold.io.raw_revision import check_revision, find_revision
@@ -125,8 +126,9 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
             fault = f"the file breaks off in the {sections.open_section} section"
             raise CaseFileError(fault, str(path))
         records = complete_records(sections, revision)
-        if records.faults:
-            raise CaseFileError(records.faults, str(path))
+        codes = check_codes(replace(sections, text=records.text), revision, path.name)
+        if faults := [*records.faults, *codes.faults]:
+            raise CaseFileError(faults, str(path))
         data, diagnostics = _parse(records.text, "psse", path, replace(sections, text=records.text))
         places = _places(data, sections, path)
         _annotate(data, records)
@@ -137,6 +139,7 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
         case,
         unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
         notices=(*sections.doubts, *notices, *records.notices, *case.notices),
+        doubts=tuple(codes.doubts),
         file_counts=_raw_counts(sections),
     )
 

@@ -36,7 +36,9 @@ from gridfold.runs.loading import load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
 from gridfold.runs.simulate import ModelStore
+from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.unstable_start import with_start_checked
 from gridfold.study.generate import Contingency, list_contingencies
 from gridfold.study.own_devices import load_devices
 from gridfold.study.study_file import Study
@@ -138,6 +140,8 @@ def do_offline_work(
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, folder)
     model = _build(study, case, power_flow, load_devices(device_files))
+    if study.case.strict:
+        refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
     settings, reason, family = _chosen(
