@@ -115,16 +115,83 @@ def test_classical_machine_without_inertia_is_an_infinite_bus(case):
     )
 
 
-def test_records_of_units_out_of_service_or_absent_are_told_not_read(case):
-    rows = [*WHOLE, ("GENROU", 2, "2", (1.0,)), ("NEWGEN", 2, "2", ()), ("GENROU", 9, ())]
-    found = device_records(case, data(*rows, ("NEWAVR", 9, ())))
+def test_records_of_units_out_of_service_are_notices(case):
+    rows = [*WHOLE, ("GENROU", 2, "2", (1.0,)), ("NEWGEN", 2, "2", ())]
+    found = device_records(case, data(*rows))
     assert len(found.records) == 2
-    where = "out of service or not in the network"
     assert found.skipped == (
-        f"own.dyr: GENROU: 2 records of units {where}, first 2:2 (line 3)",
-        f"own.dyr: NEWGEN: 1 record of units {where}, first 2:2 (line 4)",
-        f"own.dyr: NEWAVR: 1 record of units {where}, first 9:1 (line 6)",
+        "own.dyr: GENROU: 1 record of units out of service, first 2:2 (line 3)",
+        "own.dyr: NEWGEN: 1 record of units out of service, first 2:2 (line 4)",
     )
+    assert found.unplaced == ()
+
+
+@pytest.mark.parametrize(
+    ("bus", "unit_id", "why"),
+    [
+        (2, "3", "bus 2 has no unit '3', but '1', '2'"),
+        (2, "01", "bus 2 has no unit '01', but '1', '2'"),
+        (2, "1.0", "bus 2 has no unit '1.0', but '1', '2'"),
+        (4, "1", "bus 4 has no unit"),
+        (22, "1", "there is no bus 22"),
+        (0, "1", "there is no bus 0"),
+    ],
+)
+@pytest.mark.parametrize("model", ["TGOV1", "SEXS", "IEEEST", "GENROU", "REGCA1"])
+def test_a_record_that_names_no_unit_is_no_matter_of_service(case, model, bus, unit_id, why):
+    larger = replace(case, buses=(*case.buses, gf.Bus(4)))
+    found = device_records(larger, data(*WHOLE, (model, bus, unit_id, (1.0,))))
+    assert found.unplaced == (f"{model} {bus}:{unit_id} (own.dyr:3): {why}",)
+    assert found.skipped == ()
+
+
+def test_a_model_of_which_nothing_is_known_names_no_unit_too(case):
+    found = device_records(case, data(*WHOLE, ("NEWAVR", 9, ())))
+    assert found.unplaced == ("NEWAVR 9:1 (own.dyr:3): there is no bus 9",)
+
+
+def test_a_machine_with_a_slip_in_its_id_is_named_beside_the_unit_that_lacks_one(case):
+    faults = faults_of(case, data(WHOLE[0], ("GENCLS", 2, "I", (4.0, 2.0))))
+    assert faults[0].startswith("no machine for generators in service: 1 generator at 2:1")
+    assert faults[1:] == ["GENCLS 2:I (own.dyr:2): bus 2 has no unit 'I', but '1', '2'"]
+
+
+def test_a_unit_at_an_isolated_bus_is_known_though_it_is_not_in_the_case(case):
+    without = replace(case, left_out=frozenset({gf.UnitKey(5, "1")}))
+    found = device_records(without, data(*WHOLE, ("GENROU", 5, GENROU)))
+    assert found.unplaced == ()
+    assert found.skipped == (
+        "own.dyr: GENROU: 1 record of units out of service, first 5:1 (line 3)",
+    )
+
+
+def test_a_record_of_a_known_model_without_a_bus_number_is_a_slip_and_not_a_comment(case):
+    skipped = [
+        SkippedRecord(3, "l 'TGOV1' 1 0.05", model="TGOV1"),
+        SkippedRecord(4, "Line 'Toggle' 5", model="TOGGLE"),
+        SkippedRecord(5, "7 'USRMDL' 1 'MYAVR'", gf.UnitKey(7, "1")),
+    ]
+    found = device_records(case, data(*WHOLE, skipped=skipped))
+    assert found.unplaced == (
+        "l 'TGOV1' 1 0.05 (own.dyr:3): it begins with no bus number",
+        "7 'USRMDL' 1 'MYAVR' (own.dyr:5): there is no bus 7",
+    )
+    assert found.skipped == ("own.dyr:4: no device record: Line 'Toggle' 5",)
+
+
+def test_a_stabilizer_without_exciter_and_a_governor_of_an_infinite_bus_are_told(case):
+    stray = (("IEEEST", 1, IEEEST), ("TGOV1", 2, TGOV1))
+    found = device_records(case, data(WHOLE[0], ("GENCLS", 2, (0.0, 0.0)), *stray))
+    assert outcomes(found) == {
+        ("IEEEST", "left out, the unit has no exciter for it"): ["1:1"],
+        ("TGOV1", "left out, the machine has no turbine"): ["2:1"],
+    }
+
+
+@pytest.mark.parametrize("record", [("SEXS", 2, SEXS), ("TGOV1", 2, TGOV1)])
+def test_a_controller_of_a_unit_without_machine_is_no_case(case, record):
+    (fault,) = faults_of(case, data(WHOLE[0], record))
+    assert fault.startswith("no machine for generators in service: 1 generator at 2:1")
 
 
 @pytest.mark.parametrize("count", [0, 13, 15])
@@ -306,7 +373,7 @@ def test_user_written_models_are_left_out_and_a_unit_with_nothing_else_is_a_nega
         ("no dynamic data but user-written models", "negative load"): ["2:1"],
     }
     assert found.skipped == (
-        "own.dyr:5: user-written, of nothing in service: 2 'USRMDL' 2 'MYGEN'",
+        "own.dyr:5: user-written, of a unit out of service: 2 'USRMDL' 2 'MYGEN'",
         "own.dyr:6: no device record: Line 'Toggle' 5",
     )
 

@@ -115,8 +115,8 @@ def test_user_written_models_and_what_is_no_device_record_are_collected_not_read
     data = read_dyr(OWN / "skipped.dyr")
     assert [str(record) for record in data.records] == ["GENCLS 1:1"]
     assert data.skipped == (
-        SkippedRecord(2, "Line 'Toggle' Line_8 2.0"),
-        SkippedRecord(3, "'A line' 'VSCHVDCP0' 5 'control' 1 2"),
+        SkippedRecord(2, "Line 'Toggle' Line_8 2.0", model="TOGGLE"),
+        SkippedRecord(3, "'A line' 'VSCHVDCP0' 5 'control' 1 2", model="VSCHVDCP0"),
         SkippedRecord(5, "101 'USRMDL' 1 'GENTPJU1' 1 1 0 16 6 1 1.0 2.0", gf.UnitKey(101, "1")),
         SkippedRecord(8, "1 'usrmdl' '1' 'MYAVR' 4 0 0 2 1 1 5.0 6.0", gf.UnitKey(1, "1")),
         SkippedRecord(9, "0 'USRMSC' 'WATCH' 512 0", gf.UnitKey(0, "WATCH")),

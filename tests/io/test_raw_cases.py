@@ -322,7 +322,7 @@ def test_what_has_no_model_is_refused_or_listed(name, lines):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ([("'T ',1,2,1", "'T ',1,7,1")], "not supported: PSS/E transformer 1-2-3 id"),
+        ([("'T ',1,2,1", "'T ',1,7,1")], "CZ of a three-winding transformer is 7; its codes are"),
         ([("GNE DEVICE DATA\n", "GNE DEVICE DATA\n'G',1\n")], "GNE section: 1 record line"),
         ([("MACHINE DATA\n", "MACHINE DATA\n3,'1',1\n")], "INDUCTION MACHINE section: 1"),
         ([("BEGIN LOAD DATA", "BEGIN CARGO DATA")], "CARGO section: 1 record line"),

@@ -87,10 +87,8 @@ def test_what_was_replaced_goes_with_the_case(choice, devices, machine):
     assert loaded.case.replacements == loaded.replacements
     told = [str(item) for item in loaded.case.replacements]
     assert f"GENROE: {machine}; 1 record at 1:1, 60.0 MW (46.2% of generation)" in told
-    assert loaded.notices == (
-        "models_we_lack.dyr: GENROU: 1 record of units out of service or not in the network, "
-        "first 9:1 (line 9)",
-    )
+    assert loaded.notices == ()
+    assert loaded.case.unplaced == ("GENROU 9:1 (models_we_lack.dyr:9): there is no bus 9",)
     if choice == "classical":
         assert gf.build_model(loaded.case).n_states == 4
 

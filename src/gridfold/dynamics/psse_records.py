@@ -4,9 +4,10 @@ A record belongs to the generator with its bus and id. What the file lacks comes
 stator resistance of GENROU and GENSAL and the whole impedance of GENCLS are ZSORCE of the generator.
 A GENCLS with H = 0 is an infinite bus.
 
-A record of a unit out of service has no effect, and is a notice. One that names a unit which the network
-does not have is told as *unplaced*: most are slips of the pen, and the unit that is meant lacks the device.
-Identifiers are compared as they stand, but for blanks around them: ``01`` is not ``1``, as in PSS/E.
+A record of a unit out of service has no effect, and is a notice. One that names a unit which the
+network does not have is told as *unplaced*: most are slips of the pen, and the unit that is meant
+lacks the device. Identifiers are compared as they stand, but for blanks around them: ``01`` is not
+``1``, as in PSS/E.
 
 A model that gridfold does not have is never replaced in silence. By default it is an error; on request
 (:class:`Unsupported`) it is left out, and :class:`Replacement` tells what that touches:
@@ -141,7 +142,7 @@ def device_records(
     CaseError
         Lists every record with a wrong number of values, every unit with several devices of one
         role and, unless asked for something else, every unsupported model with its count and every
-        generator without data; beside them, as they may be why, the records that name no unit.
+        generator without data, with the records that name no unit, which may be why.
     """
     records = _sort(case, data, psse_devices(devices))
     units = _Units(case, records, devices, unsupported)
@@ -155,14 +156,15 @@ def device_records(
         if generator.in_service:
             units.convert(generator.key)
     faults += units.faults
+    unplaced = tuple(records.unplaced_texts(case))
     if units.lacking and without_data is WithoutData.ERROR:
         extent = replacement(case, "", "", units.lacking).extent.replace("record", "generator")
         listed = ", ".join(str(unit) for unit in units.lacking)
         faults.append(f"no machine for generators in service: {extent}: {listed}")
         advice.append(_ABSORB)
-    unplaced = tuple(records.unplaced_texts(case))
+        faults += unplaced
     if faults:
-        raise CaseError([*faults, *unplaced, *records.comments()], data.file, advice)
+        raise CaseError([*faults, *records.comments()], data.file, advice)
     for unit in units.lacking:
         units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
@@ -241,7 +243,9 @@ class _Sorted:
         for record in self.unplaced:
             yield f"{self.place(record)}: {why_unplaced(case, record.key)}"
         for skipped in self.no_place:
-            why = why_unplaced(case, skipped.unit) if skipped.unit else "it begins with no bus number"
+            why = (
+                why_unplaced(case, skipped.unit) if skipped.unit else "it begins with no bus number"
+            )
             yield f"{skipped.text} ({self.file}:{skipped.line}): {why}"
 
 

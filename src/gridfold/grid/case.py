@@ -188,10 +188,10 @@ class Case:
     `origins` tells for a record's name (``str(record)``) the file and line it came from.
     `unsupported` has a line for every record of the network that could not be taken over, `notices`
     one for what was left out or changed without loss. `replacements` tells what became of dynamic data
-    that are not there as in the file, `unplaced` which of them name a unit that the network does not have.
-    `doubts` are those about values that the file alone shows, `file_counts` how many records of each kind
-    the file of the network holds, `left_out` the units of the file that are not in the case, such as those
-    at isolated buses. None of these has a part in comparisons.
+    that are not there as in the file, `unplaced` which of them name a unit that the network does not
+    have. `doubts` are about values that the file alone shows, `file_counts` tells how many records of
+    each kind the file of the network holds, `left_out` which of its units are not in the case, such as
+    those at isolated buses. None of these has a part in comparisons.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Data that can be simulated, but are hardly meant: what is usual, and what is told where it is not so."""
+"""Data that can be simulated, but are hardly meant: what is usual, and what is told beyond it."""
 
 from __future__ import annotations
 

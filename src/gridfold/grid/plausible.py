@@ -109,7 +109,9 @@ NETWORK_ROWS = (
         lambda bus, _: bus.base_kv,
     ),
     NetworkRow(
-        Usual("bus.voltage", "stored voltage", ((0.8, 1.2),), "p.u.", "limits of operation, widened"),
+        Usual(
+            "bus.voltage", "stored voltage", ((0.8, 1.2),), "p.u.", "limits of operation, widened"
+        ),
         Bus,
         lambda bus, _: bus.voltage_pu,
     ),
@@ -119,7 +121,9 @@ NETWORK_ROWS = (
         _impedance,
     ),
     NetworkRow(
-        Usual("branch.r_over_x", "R/X", ((0, 3),), "", _BRCH + "; Kundur 1994, table 6.1: below 0.3"),
+        Usual(
+            "branch.r_over_x", "R/X", ((0, 3),), "", _BRCH + "; Kundur 1994, table 6.1: below 0.3"
+        ),
         Branch,
         _resistance_ratio,
     ),
@@ -151,7 +155,7 @@ NETWORK_ROWS = (
             "X B, the square of the electrical length,",
             ((-inf, 1),),
             "",
-            "1 rad is a line of 800 km at 60 Hz, which no pi section stands for; Kundur 1994, section 6.1",
+            "1 rad is 800 km at 60 Hz, too long for a pi section; Kundur 1994, section 6.1",
         ),
         Branch,
         lambda branch, _: branch.reactance * branch.susceptance,

@@ -159,7 +159,8 @@ def _parse(record: _OpenRecord) -> DynamicRecord | SkippedRecord:
     if items[0].empty_before:
         raise _RecordError("the bus number is empty")
     if not items[0].is_number:
-        return SkippedRecord(record.line, record.text, model="".join(i.text for i in items[1:2]).upper())
+        model = items[1].text.upper() if len(items) > 1 else ""
+        return SkippedRecord(record.line, record.text, model=model)
     _check_header(items)
     model, bus, unit_id = items[1].text.upper(), int(items[0].text), items[2].text
     if record.user_written:

@@ -1,10 +1,10 @@
 """Whether the operating point is stable by itself: what a run shows is else no answer to its events.
 
-A step of the trapezoidal rule multiplies the mode lambda by (1 + gamma lambda)/(1 - gamma lambda), which is
-more than 1 in magnitude just where the mode grows. So the modes that grow are those of largest magnitude
-under this map, and Arnoldi's method finds them first, with the sparse solver of the implicit rule. Two steps
-gamma see slow and fast modes apart from the rest. Saad, Numerical Methods for Large Eigenvalue Problems,
-2nd ed., 2011, section 8.1.3 (Cayley transform).
+A step of the trapezoidal rule multiplies the mode lambda by (1 + gamma lambda)/(1 - gamma lambda),
+which is more than 1 in magnitude just where the mode grows. So the modes that grow are those of largest
+magnitude under this map, and Arnoldi's method finds them first, with the sparse solver of the implicit
+rule. Two steps gamma see slow and fast modes apart from the rest. Saad, Numerical Methods for Large
+Eigenvalue Problems, 2nd ed., 2011, section 8.1.3 (Cayley transform).
 """
 
 from __future__ import annotations
@@ -42,17 +42,15 @@ def with_start_checked(model: DetailedModel) -> DetailedModel:
 def unstable_text(mode: Mode) -> str:
     """What is told of a mode that grows."""
     seconds = float(f"{1 / mode.eigenvalue.real:.2g}")
-    return (
-        f"the operating point is unstable: {mode} grows by itself, by a factor of e every {seconds:g} s"
-    )
+    return f"the operating point is unstable: {mode} grows by itself, e-fold every {seconds:g} s"
 
 
 @one_blas_thread
 def growing_mode(model: DetailedModel) -> Mode | None:
     """The mode that grows fastest at the equilibrium; None if there is none.
 
-    All modes are computed up to 150 states. Beyond that those are found that grow clearly; one that grows
-    by less than about 0.01 1/s may be missed among others that hardly decay.
+    All modes are computed up to 150 states. Beyond that those are found that grow clearly; one that
+    grows by less than about 0.01 1/s may be missed among others that hardly decay.
     """
     if model.n_states < _DENSE:
         values = np.linalg.eigvals(model.jacobian(model.x0))
