@@ -30,7 +30,7 @@ from gridfold.io.results import write_csv, write_parquet
 from gridfold.io.study_store import StudyStore
 from gridfold.report.study_report import write_report
 from gridfold.report.study_tables import result_table, study_facts
-from gridfold.report.tables import facts_table
+from gridfold.report.tables import facts_table, shortened
 from gridfold.study import Progress, Stage, Workers, run_study
 from gridfold.study.study_file import json_schema, write_template
 
@@ -100,6 +100,8 @@ def run(
 
         def on_progress(progress: Progress) -> None:
             brake.working = progress.stage is Stage.RUNNING
+            for line in shortened(progress.warnings, command="gridfold show FOLDER --json -"):
+                err.print(f"warning: {line}", style="yellow", markup=False, highlight=False)
             for each in tell:
                 each(progress)
 

@@ -139,7 +139,7 @@ def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
 
 def _warnings(about: Mapping[str, Any]) -> Record:
     settings = about["settings"]
-    kinds = ("warnings", "limits_moved", "case_notices")
+    kinds = ("warnings", "data_doubts", "limits_moved", "case_notices")
     others = [item for kind in kinds for item in settings.get(kind, ())]
     return {
         "validated": settings["validated"],
@@ -148,7 +148,9 @@ def _warnings(about: Mapping[str, Any]) -> Record:
             f"{item['share']:.1%} of {item['of']}"
             for item in settings["replacements"]
         ],
-        "unsupported": [str(item) for item in settings["unsupported"]],
+        "unsupported": [
+            str(item) for item in (*settings["unsupported"], *settings.get("unplaced", ()))
+        ],
         "others": list(dict.fromkeys(map(str, others))),
     }
 

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
 from gridfold.io.study_store import StudyStore
+from gridfold.report.tables import shortened
 from gridfold.study.work import StudyRun
 
 if TYPE_CHECKING:
@@ -58,17 +60,23 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     if saved:
         facts["Detailed model"] = saved
     if not settings["validated"]:
-        facts["Not validated"] = (
-            "; ".join(
-                f"{item['model']}: {item['outcome']} ({item['records']}, {item['share']:.1%})"
-                for item in settings["replacements"]
-            )
-            or "parts of the network are left out"
-        )
+        facts["Not validated"] = _why_not_validated(settings)
+    for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
+        if lines := settings.get(key):
+            facts[f"{name} ({len(lines)})"] = escape("\n".join(shortened(lines, 3)))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
         facts["Results"] = str(outcome.folder)
     return facts
+
+
+def _why_not_validated(settings: dict[str, Any]) -> str:
+    lines = [
+        f"{item['model']}: {item['outcome']} ({item['records']}, {item['share']:.1%})"
+        for item in settings["replacements"]
+    ]
+    lines += settings.get("unplaced", ())
+    return escape("; ".join(lines)) or "parts of the network are left out"
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:

@@ -120,9 +120,9 @@ def device_table(models: Sequence[ModelCount]) -> Table:
     return table
 
 
-def shortened(lines: Sequence[str], shown: int = 5) -> list[str]:
-    """The first lines, and how many more there are."""
-    more = [f"... and {len(lines) - shown} more (all of them with --json)"]
+def shortened(lines: Sequence[str], shown: int = 5, command: str = "--json") -> list[str]:
+    """The first lines, and how many more there are; `command` has all of them."""
+    more = [f"... and {len(lines) - shown} more (all of them with {command})"]
     return [*lines[:shown], *(more if len(lines) > shown else [])]
 
 

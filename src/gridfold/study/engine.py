@@ -93,6 +93,10 @@ def run_study(
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
     with ExitStack() as stack:
         store, todo, offline, prepared = _open(wanted, start, target, resume, count, stack)
+        settings = store.identity["settings"]
+        told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
+        doubts = settings.get("data_doubts", ())
+        tell(Progress(Stage.PREPARING, warnings=(*told, *doubts)))
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         work = Work(store, crew, todo, tell, began)
         stage = work.run(stop or Event())

@@ -53,6 +53,8 @@ class Progress:
         Name and figures of the contingency that has just been written.
     message : str
         What there is to say.
+    warnings : tuple of str
+        What there is to say of the start and the data, once, before the first contingency.
     """
 
     stage: Stage
@@ -65,6 +67,7 @@ class Progress:
     per_second: float = 0.0
     latest: Mapping[str, Any] | None = None
     message: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
