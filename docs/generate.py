@@ -20,11 +20,15 @@ import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.usual_values import ORDERS, RANGES
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import COLUMN_NORM
 from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
+from gridfold.grid.plausible import NETWORK_ROWS
+from gridfold.io.raw_codes import POWER_LIMITS
+from gridfold.powerflow.plausible import BALANCE, VOLTAGE
 from gridfold.study.study_file import json_schema
 from gridfold.study.summary import Figures, column_types
 
@@ -161,6 +165,9 @@ def write_all(docs: Path) -> None:
     _write(folder / "events.md", event_tables())
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
+    _write(folder / "usual-network.md", usual_network())
+    _write(folder / "usual-devices.md", usual_devices())
+    _write(folder / "usual-orders.md", usual_orders())
     _write(folder / "study.schema.json", json.dumps(json_schema(), indent=2) + "\n")
     for name, (command, level) in MADE_ELSEWHERE.items():
         made = docs / "generated" / f"{name}.md"
@@ -260,6 +267,44 @@ def _json_default(table: str, key: str, value: dict[str, Any], section: dict[str
     if default is None or default == []:
         return "none"
     return f"`{json.dumps(default)}`".replace('"', "")
+
+
+def usual_network() -> str:
+    """Usual values of networks and operating points."""
+    rows = [
+        (f"`{usual.name}`", usual.what.rstrip(","), usual.text, usual.unit, usual.source)
+        for usual in (*(row.usual for row in NETWORK_ROWS), POWER_LIMITS, VOLTAGE, BALANCE)
+    ]
+    return _table(("Row", "What", "Usual", "Unit", "Why"), rows)
+
+
+def usual_devices() -> str:
+    """Usual ranges of device parameters."""
+    rows = []
+    for row in RANGES:
+        symbols = [
+            (symbol(parameter.symbol), parameter.unit)
+            for device in DEVICES.values()
+            for parameter in device.parameters
+            if device.role is row.role and parameter.name == row.parameter
+        ]
+        letters = ", ".join(dict.fromkeys(letter for letter, _ in symbols))
+        usual = f"{row.lowest:g} to {row.highest:g}"
+        rows.append((f"`{row.name}`", letters, usual, symbols[0][1], row.source))
+    return _table(("Row", "Symbol", "Usual", "Unit", "Source"), rows)
+
+
+def usual_orders() -> str:
+    """Usual orders of device parameters."""
+    rows = [
+        (
+            row.role.name.lower(),
+            f"`{row.larger}` {'>' if row.strict else '≥'} `{row.smaller}`",
+            row.source,
+        )
+        for row in ORDERS
+    ]
+    return _table(("Role", "Usual", "Why"), rows)
 
 
 def study_columns() -> str:

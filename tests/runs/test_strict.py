@@ -47,7 +47,10 @@ def test_a_sound_case_passes(files):
         ),
         ({"raw": (", 60.00", ", 600.0")}, "the case: base frequency is 600 Hz, usually 50 or 60"),
         ({"raw": ("    70.000,    20.000", "   700.000,    20.000")}, "above PT 95 MW"),
-        ({"dyr": ("5.0000       0.0000", "50.000       0.0000")}, "genrou 1:1 (plain.dyr:2): inertia (H) is 50 s"),
+        (
+            {"dyr": ("5.0000       0.0000", "50.000       0.0000")},
+            "genrou 1:1 (plain.dyr:2): inertia (H) is 50 s",
+        ),
         ({"dyr": ("1 'TGOV1'  1", "1 'TGOV1'  2")}, "bus 1 has no unit '2', but '1'"),
     ],
 )
