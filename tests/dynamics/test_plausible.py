@@ -21,6 +21,8 @@ CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
 ENDS = {
     "machine.inertia": (0.9, 1, 10, 11),
     "machine.damping": (-0.01, 0, 20, 21),
+    "machine.saturation_10": (-0.01, 0, 0.6, 0.61),
+    "machine.saturation_12": (-0.01, 0, 2, 2.1),
     "machine.resistance": (-0.01, 0, 0.05, 0.051),
     "machine.d_reactance": (0.39, 0.4, 3, 3.1),
     "machine.q_reactance": (0.24, 0.25, 3, 3.1),
@@ -34,8 +36,6 @@ ENDS = {
     "machine.q_open_circuit_time": (0.19, 0.2, 3, 3.1),
     "machine.d_subtransient_open_circuit_time": (0.0049, 0.005, 0.2, 0.21),
     "machine.q_subtransient_open_circuit_time": (0.0049, 0.005, 0.3, 0.31),
-    "machine.saturation_10": (-0.01, 0, 0.6, 0.61),
-    "machine.saturation_12": (-0.01, 0, 2, 2.1),
     "exciter.measuring_time": (-0.01, 0, 0.5, 0.51),
     "exciter.regulator_gain": (0.9, 1, 1000, 1100),
     "exciter.regulator_time": (-0.01, 0, 1, 1.1),
@@ -277,6 +277,19 @@ def test_models_of_the_user_are_looked_at_by_the_names_of_their_parameters():
     assert doubt.rows == ("exciter.regulator_gain",)
 
 
+def test_doubts_are_named_where_there_is_no_start(npcc):
+    branches = (replace(npcc.case.branches[0], ratio=0.01), *npcc.case.branches[1:])
+    case = replace(npcc.case, branches=branches)
+    with pytest.raises(gf.PowerFlowError) as raised:
+        gf.build_model(case)
+    text = str(raised.value)
+    assert "did not converge" in text
+    branch = case.locate(branches[0])
+    assert f"may be why:\n  {branch}: turns ratio is 0.01, usually 0.8 to 1.25\n" in text
+    assert len(text.split("may be why:")[1].splitlines()) == 8
+    assert "... and 13 more" in text
+
+
 def test_a_new_kind_of_doubt_comes_before_more_of_the_same():
     units = tuple(replace(UNIT, id=name) for name in "123")
     odd = ({"inertia": 65.0}, {"inertia": 66.0}, {"q_reactance": 170.0})
@@ -289,7 +302,7 @@ def test_a_new_kind_of_doubt_comes_before_more_of_the_same():
     ("files", "count", "kinds"),
     [
         (("kundur/kundur.raw", "kundur/kundur_full.dyr"), 4, 1),
-        (("npcc/npcc_curent.raw", "npcc/npcc_curent.dyr"), 12, 4),
+        (("npcc/npcc_curent.raw", "npcc/npcc_curent.dyr"), 13, 5),
         (("ieee39/IEEE39.raw", "ieee39/IEEE39.dyr"), 20, 11),
         (("psse/genrou/case.raw", "psse/genrou/case.dyr"), 0, 0),
         (("samples/case25_v35_savnwb.raw",), 0, 0),
@@ -312,5 +325,5 @@ def test_public_cases_give_few_kinds_of_doubts(files, count, kinds):
 
 def test_the_built_in_case_is_doubted_where_a_machine_stands_for_a_region(npcc):
     found = [doubt.record for doubt in npcc.doubts]
-    assert len(found) == 17
+    assert len(found) == 18
     assert "two_axis 78:1" in found  # H of 1000 s, X of 0.0001 p.u.: the equivalent of a region

@@ -29,9 +29,10 @@ ROWS = {
     "case.base": ("case", "base_mva", (1.0, 10_000.0), (0.9, 10_001.0)),
     "bus.base_kv": ("buses", "base_kv", (0.1, 1200.0), (0.09, 1201.0)),
     "bus.voltage": ("buses", "voltage_pu", (0.8, 1.2), (0.79, 1.21)),
-    "branch.impedance": ("branches", "reactance", (9.99,), (10.01, -10.01)),
+    "branch.impedance": ("unknown voltage", "reactance", (2.99,), (3.01, -3.01)),
+    "branch.ohms": ("branches", "reactance", (0.945, -0.945), (0.946, -0.946)),  # 1 p.u. is 529 ohm
     "branch.r_over_x": ("branches", "resistance", (0.3, 0.0), (0.301, -0.01)),
-    "branch.reactance": ("branches", "reactance", (0.004,), (-0.1,)),
+    "branch.reactance": ("branches", "reactance", (0.0001,), (-0.0001,)),
     "branch.charging": ("branches", "susceptance", (-0.05, 3.0), (-0.051,)),
     "branch.length": ("branches", "susceptance", (10.0,), (10.1,)),
     "branch.ratio": ("branches", "ratio", (0.8, 1.25), (0.79, 1.26, 0.1)),
@@ -48,8 +49,15 @@ def changed(table, field, value):
     """The case with another value in the last record of a table."""
     if table == "case":
         return replace(CASE, **{field: value})
+    if table == "unknown voltage":
+        line = replace(LINE, **{field: value})
+        return replace(CASE, buses=(gf.Bus(1), gf.Bus(2)), branches=(line,))
+    return replace_last(table, **{field: value})
+
+
+def replace_last(table, **fields):
     *others, last = getattr(CASE, table)
-    return replace(CASE, **{table: (*others, replace(last, **{field: value}))})
+    return replace(CASE, **{table: (*others, replace(last, **fields))})
 
 
 def rows(case):
@@ -75,11 +83,6 @@ def test_a_small_base_of_a_unit_is_a_doubt_of_its_own():
     assert rows(replace_last("generators", base_mva=0.04, active_mw=0.04)) == ["generator.base"]
 
 
-def replace_last(table, **fields):
-    *others, last = getattr(CASE, table)
-    return replace(CASE, **{table: (*others, replace(last, **fields))})
-
-
 @pytest.mark.parametrize(
     ("table", "fields"),
     [
@@ -96,11 +99,18 @@ def test_what_is_sound_or_does_not_act_is_not_doubted(table, fields):
     assert rows(replace_last(table, **fields)) == []
 
 
+def test_a_transformer_may_have_any_impedance_in_ohms():
+    ends = (gf.Bus(1, base_kv=400.0), gf.Bus(2, base_kv=110.0))
+    assert rows(replace(CASE, buses=ends, branches=(replace(LINE, reactance=2.9),))) == []
+    odd = replace(CASE, buses=ends, branches=(replace(LINE, reactance=3.1),))
+    assert rows(odd) == ["branch.impedance"]
+
+
 def test_low_voltage_may_have_large_impedances_in_per_unit():
     low = replace(CASE, buses=tuple(replace(bus, base_kv=0.4) for bus in CASE.buses))
     line = replace(LINE, resistance=150.0, reactance=40.0)
     assert rows(replace(low, branches=(line,))) == []
-    assert rows(replace(CASE, branches=(line,))) == ["branch.impedance", "branch.r_over_x"]
+    assert rows(replace(CASE, branches=(line,))) == ["branch.ohms", "branch.r_over_x"]
 
 
 def test_a_doubt_names_record_file_and_line():

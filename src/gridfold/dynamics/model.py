@@ -28,7 +28,7 @@ from gridfold.dynamics.network.loads import (
     closed_with_loads,
     nonlinear_loads,
 )
-from gridfold.dynamics.plausible import model_doubts
+from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.unit_partials import UnitKernels
@@ -255,9 +255,22 @@ def build_model(
         The power flow has no solution.
     InitializationError
         A device has no equilibrium there, or is beyond a limit: names device and equation.
+
+    The last two name data that are hardly meant beside.
     """
-    solved = solve_power_flow(case) if power_flow is None else power_flow
-    loads = LoadModel() if loads is None else loads
+    with naming_doubts(case, devices):
+        solved = solve_power_flow(case) if power_flow is None else power_flow
+        return _built(solved, backend, devices, on_limit, loads or LoadModel())
+
+
+def _built(
+    solved: PowerFlowResult,
+    backend: NetworkBackend,
+    devices: Mapping[str, Device],
+    on_limit: OnLimit,
+    loads: LoadModel,
+) -> DetailedModel:
+    case = solved.case
     nonlinear = nonlinear_loads(solved, loads)
     ports = () if nonlinear is None else nonlinear.buses
     layout = build_layout(assemble(case, devices), ports)

@@ -8,15 +8,20 @@ power of a unit that gives more than this base.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 from gridfold.dynamics.device import Device, Parameter, Role
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.usual_values import ORDERS, RANGES, Range
+from gridfold.errors import InitializationError, PowerFlowError
 from gridfold.grid.case import Case, DeviceRecord, Generator
 from gridfold.grid.doubts import Doubt, Usual, doubt_of, various_first
 from gridfold.grid.plausible import OVERLOAD, network_doubts
 from gridfold.powerflow.plausible import flow_doubts
 from gridfold.powerflow.result import PowerFlowResult
+
+#: Doubts that an error names.
+_NAMED = 6
 
 
 def case_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> tuple[Doubt, ...]:
@@ -29,6 +34,20 @@ def model_doubts(
 ) -> tuple[Doubt, ...]:
     """The same, and those about the operating point."""
     return various_first((*case_doubts(power_flow.case, devices), *flow_doubts(power_flow)))
+
+
+@contextmanager
+def naming_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[None]:
+    """Adds the first doubts about a case to the error where there is no operating point or start."""
+    try:
+        yield
+    except (PowerFlowError, InitializationError) as error:
+        lines = [f"  {doubt}" for doubt in case_doubts(case, devices)]
+        if not lines:
+            raise
+        more = [f"  ... and {len(lines) - _NAMED} more"] if len(lines) > _NAMED else []
+        text = "\n".join([str(error), "Doubtful data, which may be why:", *lines[:_NAMED], *more])
+        raise type(error)(text) from error
 
 
 def device_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[Doubt]:

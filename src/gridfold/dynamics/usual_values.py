@@ -69,8 +69,18 @@ RANGES = (
     *_ranges(Role.MACHINE, _INERTIA, ("inertia", 1, 10)),
     *_ranges(
         Role.MACHINE,
-        _MACHINE,
+        "0 to 2 of a rotor with dampers; more where it stands for them",
         ("damping", 0, 20),
+    ),
+    *_ranges(
+        Role.MACHINE,
+        "the public cases",
+        ("saturation_10", 0, 0.6),
+        ("saturation_12", 0, 2),
+    ),
+    *_ranges(
+        Role.MACHINE,
+        _MACHINE,
         ("resistance", 0, 0.05),
         ("d_reactance", 0.4, 3),
         ("q_reactance", 0.25, 3),
@@ -84,8 +94,6 @@ RANGES = (
         ("q_open_circuit_time", 0.2, 3),
         ("d_subtransient_open_circuit_time", 0.005, 0.2),
         ("q_subtransient_open_circuit_time", 0.005, 0.3),
-        ("saturation_10", 0, 0.6),
-        ("saturation_12", 0, 2),
     ),
     *_ranges(
         Role.EXCITER,

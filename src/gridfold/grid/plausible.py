@@ -18,11 +18,9 @@ from gridfold.grid.doubts import Doubt, Usual, doubt_of
 OVERLOAD = 1.25
 #: Base voltage (kV) from which series impedances are looked at: in per unit those of low voltage are
 #: large. Where no base voltage is given they are looked at too.
-_TRANSMISSION_KV = 30.0
+_TRANSMISSION_KV = 60.0
 #: Reactance (p.u.) from which resistance and reactance are compared: short links are of any kind.
 _SHORT = 1e-3
-
-_BRCH = "PSS/E activity BRCH looks for it"
 
 
 @dataclass(frozen=True)
@@ -77,8 +75,18 @@ def _is_transmission(branch: Branch, case: Case) -> bool:
 
 
 def _impedance(branch: Branch, case: Case) -> float | None:
-    size = abs(complex(branch.resistance, branch.reactance))
-    return size if _is_transmission(branch, case) else None
+    """Impedance on 100 MVA of what is no line at a known voltage."""
+    if _ohms(branch, case) is not None or not _is_transmission(branch, case):
+        return None
+    return abs(complex(branch.resistance, branch.reactance)) * 100 / case.base_mva
+
+
+def _ohms(branch: Branch, case: Case) -> float | None:
+    """Impedance in ohms between two buses of one base voltage that is given."""
+    kv, other = (case.buses[case.bus_index[n]].base_kv for n in (branch.from_bus, branch.to_bus))
+    if kv != other or kv == Bus.base_kv:
+        return None
+    return abs(complex(branch.resistance, branch.reactance)) * kv**2 / case.base_mva
 
 
 def _resistance_ratio(branch: Branch, case: Case) -> float | None:
@@ -116,14 +124,23 @@ NETWORK_ROWS = (
         lambda bus, _: bus.voltage_pu,
     ),
     NetworkRow(
-        Usual("branch.impedance", "impedance", ((0, 10),), "p.u.", _BRCH + " (large impedances)"),
+        Usual(
+            "branch.impedance",
+            "impedance",
+            ((0, 3),),
+            "p.u. on 100 MVA",
+            "a transformer of 5 MVA",
+        ),
         Branch,
         _impedance,
     ),
     NetworkRow(
-        Usual(
-            "branch.r_over_x", "R/X", ((0, 3),), "", _BRCH + "; Kundur 1994, table 6.1: below 0.3"
-        ),
+        Usual("branch.ohms", "impedance", ((0, 500),), "ohm", "a line of 1500 km"),
+        Branch,
+        _ohms,
+    ),
+    NetworkRow(
+        Usual("branch.r_over_x", "R/X", ((0, 3),), "", "Kundur 1994, table 6.1: below 0.3"),
         Branch,
         _resistance_ratio,
     ),
@@ -133,7 +150,7 @@ NETWORK_ROWS = (
             "reactance beside a resistance",
             ((0, inf),),
             "p.u.",
-            _BRCH + "; series capacitors have no resistance",
+            "lines are inductive; series capacitors have no resistance",
         ),
         Branch,
         _negative_reactance,
@@ -144,7 +161,7 @@ NETWORK_ROWS = (
             "charging susceptance",
             ((-0.05, inf),),
             "p.u.",
-            _BRCH + "; it is positive, but for reactors lumped into a line",
+            "it is positive, but for reactors lumped into a line",
         ),
         Branch,
         lambda branch, _: branch.susceptance,

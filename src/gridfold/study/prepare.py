@@ -14,6 +14,7 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
+from gridfold.dynamics.plausible import naming_doubts
 from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.choice import Family, ModelSettings
@@ -136,10 +137,12 @@ def do_offline_work(
         Something in the study does not fit.
     """
     case, device_files = load_grid(study, folder)
-    power_flow = solve_power_flow(case)
+    devices = load_devices(device_files)
+    with naming_doubts(case, devices):
+        power_flow = solve_power_flow(case)
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, folder)
-    model = _build(study, case, power_flow, load_devices(device_files))
+    model = _build(study, case, power_flow, devices)
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     parts = partition(model, buses) if buses else None
