@@ -95,8 +95,7 @@ def run_study(
         store, todo, offline, prepared = _open(wanted, start, target, resume, count, stack)
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
-        doubts = settings.get("data_doubts", ())
-        tell(Progress(Stage.PREPARING, warnings=(*told, *doubts)))
+        tell(Progress(Stage.PREPARING, warnings=told))
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         work = Work(store, crew, todo, tell, began)
         stage = work.run(stop or Event())

@@ -54,7 +54,7 @@ class Progress:
     message : str
         What there is to say.
     warnings : tuple of str
-        What there is to say of the start and the data, once, before the first contingency.
+        Dynamic data of no unit and an unstable start, told once before the first contingency.
     """
 
     stage: Stage
