@@ -27,7 +27,7 @@ from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
 from gridfold.grid.plausible import NETWORK_ROWS
-from gridfold.io.raw_codes import POWER_LIMITS
+from gridfold.io.raw_codes import BASE, POWER_LIMITS
 from gridfold.powerflow.plausible import BALANCE, VOLTAGE
 from gridfold.study.study_file import json_schema
 from gridfold.study.summary import Figures, column_types
@@ -273,7 +273,7 @@ def usual_network() -> str:
     """Usual values of networks and operating points."""
     rows = [
         (f"`{usual.name}`", usual.what.rstrip(","), usual.text, usual.unit, usual.source)
-        for usual in (*(row.usual for row in NETWORK_ROWS), POWER_LIMITS, VOLTAGE, BALANCE)
+        for usual in (*(row.usual for row in NETWORK_ROWS), BASE, POWER_LIMITS, VOLTAGE, BALANCE)
     ]
     return _table(("Row", "What", "Usual", "Unit", "Why"), rows)
 

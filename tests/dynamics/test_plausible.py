@@ -21,6 +21,7 @@ CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
 ENDS = {
     "machine.inertia": (0.9, 1, 10, 11),
     "machine.damping": (-0.01, 0, 20, 21),
+    "machine.reactance": (0.049, 0.05, 0.7, 0.71),
     "machine.saturation_10": (-0.01, 0, 0.6, 0.61),
     "machine.saturation_12": (-0.01, 0, 2, 2.1),
     "machine.resistance": (-0.01, 0, 0.05, 0.051),
@@ -29,7 +30,6 @@ ENDS = {
     "machine.d_transient_reactance": (0.079, 0.08, 0.7, 0.71),
     "machine.q_transient_reactance": (0.079, 0.08, 1.5, 1.6),
     "machine.transient_reactance": (0.079, 0.08, 0.7, 0.71),
-    "machine.reactance": (0.049, 0.05, 0.7, 0.71),
     "machine.subtransient_reactance": (0.059, 0.06, 0.6, 0.61),
     "machine.leakage_reactance": (0.019, 0.02, 0.4, 0.41),
     "machine.d_open_circuit_time": (0.9, 1, 15, 16),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import gridfold as gf
 from gridfold.io.powerio_cases import read_network
 from gridfold.io.raw_codes import check_codes
+from gridfold.io.raw_records import complete_records
 from gridfold.io.raw_sections import find_sections
 
 RAW = Path(__file__).parent / "raw"
@@ -31,8 +33,14 @@ def section_of(section, record, revision):
 
 
 def faults(section, record, revision=33):
-    text = section_of(section, record, revision)
-    return check_codes(find_sections(text), "own.raw").faults
+    return looked_at(section_of(section, record, revision), revision).faults
+
+
+def looked_at(text, revision=33):
+    """What is found in a file, with its blank fields written out."""
+    sections = find_sections(text, revision)
+    complete = replace(sections, text=complete_records(sections, revision).text)
+    return check_codes(complete, revision, "own.raw")
 
 
 @pytest.mark.parametrize("section", RECORDS)
@@ -65,11 +73,25 @@ def test_a_transformer_with_three_windings_may_have_one_of_them_out():
     assert "is 5; its codes are 0, 1, 2, 3, 4" in faults("TRANSFORMER", record.format("5"))[0]
 
 
-@pytest.mark.parametrize(("base", "count"), [("0", 1), ("0.0", 1), ("-5", 1), ("", 0), ("0.1", 0)])
-def test_a_base_of_a_unit_is_positive_or_blank(base, count):
-    found = faults("GENERATOR", f"1,'1 ',10,0,9,-9,1.0,0,{base},0,1,0,0,1,1,100,20,0")
-    assert len(found) == count
-    assert all("MBASE of generator 1:1" in fault for fault in found)
+@pytest.mark.parametrize(
+    ("base", "fault", "told"),
+    [
+        (
+            "-5",
+            ["line 5: MBASE of generator 1:1 is -5; it must be positive, or blank for SBASE"],
+            [],
+        ),
+        ("0", [], ["generator 1:1 (own.raw:5): MBASE is 0; SBASE is taken"]),
+        ("0.0", [], ["generator 1:1 (own.raw:5): MBASE is 0; SBASE is taken"]),
+        ("", [], []),
+        ("0.1", [], []),
+    ],
+)
+def test_a_base_of_a_unit_is_positive_or_blank(base, fault, told):
+    unit = f"1,'1 ',10,0,9,-9,1.0,0,{base},0,1,0,0,1,1,100,20,0"
+    found = looked_at(section_of("GENERATOR", unit, 33))
+    assert found.faults == fault
+    assert [str(doubt) for doubt in found.doubts] == told
 
 
 @pytest.mark.parametrize(
@@ -88,7 +110,7 @@ def test_power_beyond_the_limits_of_the_record_is_a_doubt(power, status, bus_typ
     text = section_of("BUS", f"1,'A',230.0,{bus_type},1,1,1,1.0,0.0", 33).replace(
         "0 / END\nQ", f"0 / END OF BUS DATA, BEGIN GENERATOR DATA\n{unit}\n0 / END\nQ"
     )
-    found = check_codes(find_sections(text), "own.raw").doubts
+    found = looked_at(text).doubts
     assert [doubt.texts for doubt in found] == [(text,) for text in told]
     assert all(str(doubt).startswith("generator 1:1 (own.raw:7): ") for doubt in found)
 

@@ -74,6 +74,11 @@ RANGES = (
     ),
     *_ranges(
         Role.MACHINE,
+        "a transient reactance; 1 is what PSS/E takes where ZSORCE is blank",
+        ("reactance", 0.05, 0.7),
+    ),
+    *_ranges(
+        Role.MACHINE,
         "the public cases",
         ("saturation_10", 0, 0.6),
         ("saturation_12", 0, 2),
@@ -87,7 +92,6 @@ RANGES = (
         ("d_transient_reactance", 0.08, 0.7),
         ("q_transient_reactance", 0.08, 1.5),
         ("transient_reactance", 0.08, 0.7),
-        ("reactance", 0.05, 0.7),
         ("subtransient_reactance", 0.06, 0.6),
         ("leakage_reactance", 0.02, 0.4),
         ("d_open_circuit_time", 1, 15),

@@ -2,7 +2,7 @@
 
 The manual of PSS/E gives every code its values. Another one is a fault here: what it would mean is
 not said there, and a bus of type 9 that is read as a load bus is another grid. The base of a unit is
-SBASE where it is blank, and cannot be 0 or less.
+SBASE where it is blank; 0 is read like that too, but doubted, and less than 0 is a fault.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from gridfold.grid.doubts import Doubt, Usual
+from gridfold.grid.doubts import Doubt, Usual, doubt_of
 from gridfold.io.raw_fields import as_number
 from gridfold.io.raw_layouts import layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, fields_of
@@ -38,6 +38,13 @@ POWER_LIMITS = Usual(
     ((0, _ROUNDING_MW),),
     "MW beyond PB to PT",
     "limits of the unit in the same record; at a slack bus they are no matter of the file",
+)
+BASE = Usual(
+    "file.base",
+    "base MBASE",
+    ((0.05, 20_000),),
+    "MVA",
+    "0 is read as SBASE, which the manual gives for a blank field alone",
 )
 
 
@@ -75,12 +82,14 @@ def check_codes(sections: RawSections, revision: int, file: str) -> RawCodes:
     for number, unit in _records(sections, "GENERATOR", revision):
         name = f"generator {unit['I']}:{unit.get('ID', '1')}"
         base = as_number(unit.get("MBASE", ""))
-        if base is not None and base <= 0:
+        if base is not None and base < 0:
             found.faults.append(
                 f"line {number}: MBASE of {name} is {base:g}; it must be positive, or blank for SBASE"
             )
-        if unit["I"] not in slack and unit.get("STAT") == "1":
-            found.doubts += _beyond_limits(name, unit, f"{file}:{number}")
+        if unit.get("STAT") == "1":
+            limits = () if unit["I"] in slack else _beyond_limits(unit)
+            told = [*([(BASE.name, "MBASE is 0; SBASE is taken")] if base == 0 else ()), *limits]
+            found.doubts += doubt_of(name, f"{file}:{number}", told)
     return found
 
 
@@ -95,14 +104,14 @@ def _records(
         yield number, dict(zip(names, texts, strict=False))
 
 
-def _beyond_limits(name: str, unit: Mapping[str, str], origin: str) -> Iterator[Doubt]:
+def _beyond_limits(unit: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     power = as_number(unit.get("PG", "")) or 0.0
     for limit_name, side in (("PT", 1), ("PB", -1)):
         limit = as_number(unit.get(limit_name, ""))
         if limit is not None and not POWER_LIMITS.holds(max(side * (power - limit), 0.0)):
             where = "above" if side > 0 else "below"
             text = f"active power PG is {power:g} MW, {where} {limit_name} {limit:g} MW"
-            yield Doubt(name, origin, (POWER_LIMITS.name,), (text,))
+            yield POWER_LIMITS.name, text
 
 
 def _whole(text: str) -> str:

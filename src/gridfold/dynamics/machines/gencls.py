@@ -41,12 +41,6 @@ def check(parameters: Mapping[str, float]) -> Iterable[str]:
         yield "inertia (H) is 0, which makes GENCLS an infinite bus: use the model infinite_bus for it"
 
 
-def doubts(parameters: Mapping[str, float]) -> Iterable[str]:
-    """The reactance that PSS/E takes where the network file gives none."""
-    if parameters["reactance"] == 1.0:
-        yield "reactance (ZX) is 1 p.u., which PSS/E takes where ZSORCE of the network is left blank"
-
-
 GENCLS = Device(
     model="gencls",
     title="PSS/E classical machine GENCLS",
@@ -70,6 +64,5 @@ GENCLS = Device(
     solved_inputs=classical.CLASSICAL.solved_inputs,
     guess=guess,
     check=check,
-    doubts=doubts,
     psse_record=DYR_COLUMNS,
 )
