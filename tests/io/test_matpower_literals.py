@@ -108,7 +108,8 @@ SAME = {
     "struct made first": FIVE.replace("mpc.version", "mpc = struct();\nmpc.version"),
     "costs and areas": f"{FIVE}mpc.gencost = [2 0 0 3 0 1 0; 2 0 0 3 0 1 0];\nmpc.areas = [1 3];\n"
     "mpc.gencost(:, 5) = 2 * mpc.gencost(:, 5);\nmpc.gentype = {'ST'; 'GT'};\n",
-    "other variables": f"{FIVE}x = 3; y.bus = [1 2]; z = rand(3)(1);\n[a, b] = size(mpc.bus); x(2) = 1;\n",
+    "other variables": f"{FIVE}x = 3; y.bus = [1 2]; z = rand(3)(1); x(2) = 1;\n"
+    "[a, b] = size(mpc.bus);\n",
     "constants of columns": f"{FIVE.replace(BUS, 'define_constants;' + BUS)}{COLUMNS}",
     "a branch beside the case": f"{FIVE}if exist('x', 'var')\n  y = 1;\nelse\n  y = 2;\nend\n",
     "messages": f"{FIVE}disp('mpc.bus = [];'); fprintf(1, '%d\\n', 3);\n",
