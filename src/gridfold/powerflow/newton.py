@@ -17,11 +17,12 @@ from gridfold.grid.islands import island_labels
 from gridfold.grid.validation import require_valid
 from gridfold.powerflow.angles import ShiftedBranches, shifted_branches
 from gridfold.powerflow.result import PowerFlowResult
+from gridfold.powerflow.rounding import rounding_power
 
 _MAX_ITERATIONS = 30
 _MAX_LOAD_ITERATIONS = 100
 _WORST = 5
-_ROUNDING = 100 * np.finfo(float).eps
+_PROGRESS = 0.1  # of an iteration that rounding does not hold up
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,7 @@ class _Problem:
         """The largest mismatch as a part of what is allowed at its bus; infinite if it is no number."""
         if voltage.shape != self.scheduled.shape or not np.isfinite(voltage).all():
             return np.inf
-        size = np.abs(voltage)
-        allowed = np.maximum(tolerance, _ROUNDING * (abs(self.admittance) @ size) * size)
+        allowed = np.maximum(tolerance, rounding_power(self.admittance, voltage))
         return float((np.abs(self.mismatch(voltage)) / allowed).max())
 
 
@@ -256,15 +256,18 @@ def _starts(problem: _Problem, stored: NDArray[np.complex128]) -> Iterator[NDArr
 
 
 def _search(problem: _Problem, start: NDArray[np.complex128], tolerance: float) -> _Point:
-    """Where Newton's method ends; if it does not settle there, the nearest point on its way."""
+    """Where Newton's method ends, at the latest where rounding stops it; else the nearest point."""
     end = _newton(problem, start, _MAX_ITERATIONS, tolerance)
     if end.excess <= 1 and end.iterations < _MAX_ITERATIONS:
         return end
-    nearest, point = end, _Point(start, 0, np.inf)
+    points = [_Point(start, 0, np.inf)]
     for count in range(1, _MAX_ITERATIONS):
-        point = replace(_newton(problem, point.voltage, 1, tolerance), iterations=count)
-        nearest = min(nearest, point, key=lambda item: item.excess)
-    return nearest
+        before = points[-1]
+        point = replace(_newton(problem, before.voltage, 1, tolerance), iterations=count)
+        if before.excess <= 1 and point.excess > _PROGRESS * before.excess:
+            return min(before, point, key=lambda item: item.excess)
+        points.append(point)
+    return min(*points, end, key=lambda item: item.excess)
 
 
 def _newton(

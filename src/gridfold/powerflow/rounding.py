@@ -1,0 +1,28 @@
+"""What rounding alone may leave of a power balance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+_MARGIN = 100
+
+
+def rounding_power(admittance: csc_array, voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """100 eps (|Y| |V|)_i |V_i|: mismatch at each bus that no voltages in double precision undercut.
+
+    Parameters
+    ----------
+    admittance : csc_array, shape (n_buses, n_buses)
+        Bus admittances in per unit.
+    voltage : ndarray of complex, shape (n_buses,)
+        Bus voltages in per unit.
+
+    Returns
+    -------
+    ndarray, shape (n_buses,)
+        Power in per unit on the system base.
+    """
+    size = np.abs(voltage)
+    return np.asarray(_MARGIN * np.finfo(float).eps * (abs(admittance) @ size) * size)
