@@ -9,6 +9,7 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.loads import LoadModel
 from gridfold.grid.case import Case
 from gridfold.grid.replacement import Replacement
+from gridfold.powerflow.result import PowerFlowResult
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Basis:
     unsupported : tuple of str
         Parts of the network that were left out, as gridfold has no model for them.
     notices : tuple of str
-        What else was noticed in the files.
+        What else was noticed in the files, and in the solution of their power flow.
     missing : tuple of str
         Faults of dynamic data for which there is no model at all.
     """
@@ -72,7 +73,7 @@ class Basis:
 
 def basis_of(model: DetailedModel) -> Basis:
     """What results of a model rest on."""
-    return basis_of_case(model.case, model.loads, model.limits_moved)
+    return basis_of_case(model.case, model.loads, model.limits_moved, flow=model.power_flow)
 
 
 def basis_of_case(
@@ -80,9 +81,11 @@ def basis_of_case(
     loads: LoadModel,
     limits_moved: tuple[str, ...] = (),
     missing: tuple[str, ...] = (),
+    flow: PowerFlowResult | None = None,
 ) -> Basis:
-    """The same of a case of which there may be no model."""
-    return Basis(loads, case.replacements, limits_moved, case.unsupported, case.notices, missing)
+    """The same of a case of which there may be no model, nor a power flow."""
+    notices = (*case.notices, *(flow.notices if flow else ()))
+    return Basis(loads, case.replacements, limits_moved, case.unsupported, notices, missing)
 
 
 def _count(count: int, what: str) -> str:

@@ -92,14 +92,15 @@ def examine_files(
     case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
     if dyr is None:
         flow, trouble = _flow(case)
-        return CaseInfo(case, basis_of_case(case, loads), power_flow=flow, trouble=trouble)
+        basis = basis_of_case(case, loads, flow=flow)
+        return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
     data = read_dyr(dyr)
     models = _counts(data)
     try:
         case = with_devices(case, data, unsupported, without_data)
     except CaseError as error:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, missing=tuple(error.faults))
+        basis = basis_of_case(case, loads, missing=tuple(error.faults), flow=flow)
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
     flow, trouble = _flow(case)
     model = None
@@ -109,7 +110,7 @@ def examine_files(
         except (CaseError, InitializationError) as error:
             trouble = str(error)
     moved = () if model is None else model.limits_moved
-    basis = basis_of_case(case, loads, moved)
+    basis = basis_of_case(case, loads, moved, flow=flow)
     return CaseInfo(case, basis, models, data.skipped, (), flow, model, trouble)
 
 
@@ -118,7 +119,7 @@ def examine_case(case: Case, loads: LoadModel, on_limit: OnLimit = OnLimit.ERROR
     model = build_model(case, loads=loads, on_limit=on_limit)
     counts = Counter(record.model for record in case.devices)
     models = tuple(ModelCount(name, _role(name), n, True) for name, n in counts.items())
-    basis = basis_of_case(case, loads, model.limits_moved)
+    basis = basis_of_case(case, loads, model.limits_moved, flow=model.power_flow)
     return CaseInfo(case, basis, models, power_flow=model.power_flow, model=model)
 
 
