@@ -117,6 +117,8 @@ SAME = {
     "kilowatts": FIVE.replace(" 4 1 180 50", " 4 1 180e3 50e3").replace(" 5 1 90 25", " 5 1 9e4 25e3")
     + COLUMNS
     + "mpc.bus(:, [PD, QD]) = mpc.bus(:, [PD, QD]) / 1e3;\n",
+    "columns scaled by a power in brackets": f"{FIVE}mpc.bus(:, 3) = mpc.bus(:, 3) .* -(2 - 1 - 2)^2;\n"
+    "mpc.bus(:, 3) = mpc.bus(:, 3) / -1^2;\nmpc.bus(:, 3) = mpc.bus(:, 3) * (3 - 2);\n",
     "columns by number": FIVE.replace(" 4 1 180 50", " 4 1 90 50").replace(" 5 1 90", " 5 1 45")
     + "mpc.bus(:, 3) = mpc.bus(:, 3) * 2;\n",
 }  # fmt: skip
@@ -145,6 +147,8 @@ REFUSED = {
     "column of another": "mpc.bus(:, 3) = mpc.bus(:, 4) * 2;\n",
     "column scaled by what is unknown": "k = rand; mpc.bus(:, 3) = mpc.bus(:, 3) * k;\n",
     "column scaled by a name of its own": "pi = rand(1);\nmpc.bus(:, 3) = mpc.bus(:, 3) * pi;\n",
+    "column scaled and shifted": "mpc.bus(:, 3) = mpc.bus(:, 3) * 2 - 1;\n",
+    "column scaled twice": "mpc.bus(:, 3) = mpc.bus(:, 3) / 2 * 2;\n",
     "rows scaled": "mpc.bus(1:3, 3) = mpc.bus(1:3, 3) * 2;\n",
     "column out of range": "mpc.bus(:, 40) = mpc.bus(:, 40) * 2;\n",
     "table emptied": "mpc.gen = [];\n",
@@ -228,6 +232,8 @@ UNREADABLE = {
     "bus given twice": (FIVE.replace(" 4 1 180", " 3 1 180"), ["line 9: bus 3 is given a second time"]),
     "no number": (FIVE.replace(" 5 1 90", " NaN 1 90"), ["line 10: NaN is no bus number"]),
     "unknown type": (FIVE.replace(" 5 1 90", " 5 7 90"), ["line 10: bus 5 is of type 7, not 1 to 4"]),
+    "half a switch": (FIVE.replace(" 1 -360", " 0.5 -360", 1), ["line 17: branch: status 0.5 is neither"]),
+    "names of other buses": (f"{FIVE}mpc.bus_name = {{'A', 'B'}};", ["2 names of buses do not go"]),
     "too few columns": (FIVE.replace(" 1.1 0.9;", ";"), ["line 6: bus has 11 columns, needs 13"]),
     "version 1": (
         FIVE.replace("mpc = five", "[baseMVA, bus, gen, branch] = five").replace("mpc.", ""),
@@ -259,6 +265,14 @@ def test_spaces_separate_numbers_as_in_matlab(tmp_path):
         assert (found and found.rows) == (expected and (expected,)), text
         lines = read_matpower(f"mpc.bus = [\n{text}\n];", "one.m").tables.get("bus")
         assert (lines and lines.rows) == (expected and (expected,)), text
+
+
+@pytest.mark.parametrize(
+    ("status", "runs"), [("2", True), ("0.5", True), ("0", False), ("-1", False)]
+)
+def test_a_unit_of_any_positive_status_runs(status, runs, tmp_path):
+    case = read(tmp_path, FIVE.replace(" 1.01 200 1 ", f" 1.01 200 {status} "))
+    assert [unit.in_service for unit in case.generators] == [True, runs]
 
 
 def test_records_know_their_lines(tmp_path, plain):

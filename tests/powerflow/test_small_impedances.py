@@ -57,7 +57,12 @@ def test_voltages_are_right_however_small_an_impedance_is(place, power):
 def test_what_rounding_may_leave_grows_with_admittance_and_voltage():
     case = line_with(1e-7, "in the middle")
     voltage = np.array([1.0, 0.9, 0.8, 0.7]) * np.exp(0.3j)
-    expected = [20 * 1.9, (20 + 1e7) * 0.9 + 20 + 1e7 * 0.7, 20 * 1.5, (1e7 + 20) * 0.7 + 1e7 * 0.9 + 16]
+    expected = [
+        20 * 1.9,
+        (20 + 1e7) * 0.9 + 20 + 1e7 * 0.7,
+        20 * 1.5,
+        (1e7 + 20) * 0.7 + 1e7 * 0.9 + 16,
+    ]
     expected = 100 * np.finfo(float).eps * np.array(expected) * np.abs(voltage)
     np.testing.assert_allclose(rounding_power(bus_admittance(case), voltage), expected, rtol=1e-12)
 

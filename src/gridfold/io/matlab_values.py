@@ -55,6 +55,14 @@ def number(tokens: Sequence[Token], names: Mapping[str, float]) -> float:
     return value
 
 
+def operand(tokens: Sequence[Token], names: Mapping[str, float]) -> float:
+    """Value of what one ``*`` or ``/`` is followed by: a number, a power, an expression in brackets."""
+    parser = _Parser(tokens, names)
+    value = parser.signed()
+    parser.finish()
+    return value
+
+
 def table(tokens: Sequence[Token], names: Mapping[str, float]) -> Table:
     """A table between brackets, transposed by a quote behind it, or a single number.
 

@@ -17,8 +17,10 @@ from gridfold.io.matlab_text import Row, statements
 from gridfold.io.matlab_values import Table
 from gridfold.io.matpower_statements import StatementReader
 
-_WIDTHS = {"bus": 13, "gen": 10, "branch": 11, "dcline": 17, "storage": 17}  # the least of them
+_WIDTHS = {"bus": 13, "gen": 10, "branch": 13, "dcline": 17, "storage": 17}  # the least of them
+_STATUS = {"gen": 7, "branch": 10, "dcline": 2}  # columns, counted from 0
 _ENDS = {"branch": 2, "dcline": 2}  # of records at more than one bus
+_NO_TABLE = Table((), ())
 _NEEDED = ("baseMVA", "bus", "gen", "branch")
 
 
@@ -73,11 +75,12 @@ class MatpowerFile:
         """The tables alone, written plainly."""
         base = () if self.base_mva is None else (f"mpc.baseMVA = {_digits(self.base_mva)};",)
         names = ("'" + name.replace("'", "''") + "';" for name in self.bus_names)
+        tables = {name: _switched(name, found.rows) for name, found in self.tables.items()}
         parts: list[Iterator[str] | Sequence[str]] = [
             ("function mpc = case", "mpc.version = '2';", *base),
             *(
-                chain((f"mpc.{name} = [",), (_plain(row) for row in found.rows), ("];",))
-                for name, found in self.tables.items()
+                chain((f"mpc.{name} = [",), (_plain(row) for row in rows), ("];",))
+                for name, rows in tables.items()
             ),
             ("mpc.bus_name = {", *names, "};") if self.bus_names else (),
         ]
@@ -93,6 +96,8 @@ def read_matpower(text: str, file: str) -> MatpowerFile:
     absent = [f"{found.struct}.{name}" for name in _NEEDED if name not in given]
     hint = "; in version 1 of the format? MATPOWER's savecase writes it anew"
     faults = [f"there is no {name}{hint if reader.is_version_1 else ''}" for name in absent]
+    if reader.bus_names and len(reader.bus_names) != len(found.tables.get("bus", _NO_TABLE).rows):
+        faults.append(f"{len(reader.bus_names)} names of buses do not go with their table")
     return MatpowerFile(
         found.base_mva,
         found.tables,
@@ -105,7 +110,7 @@ def read_matpower(text: str, file: str) -> MatpowerFile:
 
 
 def _faulty_rows(tables: Mapping[str, Table]) -> Iterator[str]:
-    """Rows that are too short, and numbers and types of buses that have no meaning."""
+    """Rows that are too short; buses, types and states of switches that have no meaning."""
     buses: set[float] = set()
     for name in sorted(tables, key=lambda name: name != "bus"):
         for row, line in zip(tables[name].rows, tables[name].lines, strict=True):
@@ -115,6 +120,9 @@ def _faulty_rows(tables: Mapping[str, Table]) -> Iterator[str]:
             if name != "bus":
                 missing = (cell for cell in row[: _ENDS.get(name, 1)] if cell not in buses)
                 yield from (f"line {line}: {name}: there is no bus {_digits(k)}" for k in missing)
+                status = row[_STATUS[name]] if name in _STATUS else 0
+                if name != "gen" and status not in (0, 1):
+                    yield f"line {line}: {name}: status {_digits(status)} is neither 0 nor 1"
                 continue
             if not row[0] >= 1 or row[0] % 1:
                 yield f"line {line}: {_digits(row[0])} is no bus number"
@@ -123,6 +131,13 @@ def _faulty_rows(tables: Mapping[str, Table]) -> Iterator[str]:
             if row[1] not in (1, 2, 3, 4):
                 yield f"line {line}: bus {_digits(row[0])} is of type {_digits(row[1])}, not 1 to 4"
             buses.add(row[0])
+
+
+def _switched(name: str, rows: Sequence[Row]) -> Iterator[Row]:
+    """Rows with the status of generators as 0 or 1: MATPOWER runs those with any positive number."""
+    at = _STATUS["gen"]
+    for row in rows:
+        yield (*row[:at], float(row[at] > 0), *row[at + 1 :]) if name == "gen" else row
 
 
 def _digits(value: float) -> str:

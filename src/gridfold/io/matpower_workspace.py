@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from gridfold.io.matlab_text import Kind, Token
-from gridfold.io.matlab_values import CONSTANTS, NotLiteralError, Table, number, table
+from gridfold.io.matlab_values import CONSTANTS, NotLiteralError, Table, number, operand, table
 from gridfold.io.matpower_columns import COLUMN_LISTS, DEFINED_CONSTANTS
 
 _SCALINGS = ("*", ".*", "/", "./")
@@ -57,7 +57,7 @@ class Workspace:
         sign = right[len(same)].text if len(right) > len(same) else ""
         if [token.text for token in right[: len(same)]] != same or sign not in _SCALINGS:
             raise NotLiteralError
-        factor = number(self._resolved(right[len(same) + 1 :]), self.names)
+        factor = operand(self._resolved(right[len(same) + 1 :]), self.names)
         divided = "/" in sign
         if (divided and factor == 0) or name not in self.tables:
             raise NotLiteralError
