@@ -232,7 +232,7 @@ UNREADABLE = {
     "bus given twice": (FIVE.replace(" 4 1 180", " 3 1 180"), ["line 9: bus 3 is given a second time"]),
     "no number": (FIVE.replace(" 5 1 90", " NaN 1 90"), ["line 10: NaN is no bus number"]),
     "unknown type": (FIVE.replace(" 5 1 90", " 5 7 90"), ["line 10: bus 5 is of type 7, not 1 to 4"]),
-    "half a switch": (FIVE.replace(" 1 -360", " 0.5 -360", 1), ["line 17: branch: status 0.5 is neither"]),
+    "half a switch": (FIVE.replace(" 1 -360", " 0.5 -360", 1), ["line 17: branch: status 0.5 is"]),
     "names of other buses": (f"{FIVE}mpc.bus_name = {{'A', 'B'}};", ["2 names of buses do not go"]),
     "too few columns": (FIVE.replace(" 1.1 0.9;", ";"), ["line 6: bus has 11 columns, needs 13"]),
     "version 1": (
