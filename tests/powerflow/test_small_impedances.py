@@ -7,6 +7,7 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.model import good_residual
+from gridfold.dynamics.network.real_sparse import solve_with_loads
 from gridfold.grid.admittance import bus_admittance
 from gridfold.powerflow.rounding import rounding_power
 
@@ -41,6 +42,11 @@ def at_the_load(x):
     half = 0.5 - q * x
     v = np.sqrt(half + np.sqrt(half**2 - x**2 * (p**2 + q**2)))
     return v * np.exp(-1j * np.arcsin(p * x / v))
+
+
+def reactive_loss(x):
+    """x I^2 of the line."""
+    return x * (LOAD_MW**2 + LOAD_MVAR**2) / 1e4 / abs(at_the_load(x)) ** 2
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -87,3 +93,18 @@ def test_a_machine_behind_hardly_an_impedance_starts_at_rest(tiny):
     allowed = max(1e-8, 100 * np.finfo(float).eps * 4 / tiny)
     assert good_residual(model.power_flow) <= allowed
     assert np.abs(model.compiled(model.x0)).max() < allowed
+
+
+@pytest.mark.parametrize("power", range(5, 11))
+def test_a_load_of_constant_power_behind_hardly_an_impedance_has_its_voltage(power):
+    tiny, behind = 10.0**-power, 0.2j
+    case = line_with(tiny, "in the middle")
+    machine = gf.DeviceRecord("classical", 1, "1", {"inertia": 3.0, "transient_reactance": 0.2})
+    loads = gf.LoadModel.parse("1,0,0")
+    model = gf.build_model(replace(case, devices=(machine,)), loads=loads)
+    power_1 = LOAD_MW / 100 + 1j * (LOAD_MVAR / 100 + reactive_loss(REACTANCE + tiny))
+    source = (1 + behind * np.conj(power_1)) / behind
+    nonlinear = model.injections.nonlinear
+    voltage = solve_with_loads(model.equations, np.array([source, 0]), nonlinear, np.array([1]))
+    at_load = voltage[model.equations.terminals[1]]
+    assert abs(at_load - at_the_load(REACTANCE + tiny)) < max(1e-10, 1e-16 / tiny * 10)

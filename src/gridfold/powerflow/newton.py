@@ -81,7 +81,7 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
         A valid case.
     tolerance : float
         Largest power mismatch allowed, in per unit on the system base. Where admittances are so large
-        that rounding alone leaves more, 100 eps (|Y| |V|)_i |V_i| at bus i is allowed.
+        that rounding alone leaves more, ``100 eps (|Y| |V|)_i |V_i|`` at bus i is allowed.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What rounding alone may leave of a power balance."""
+"""What rounding alone may leave of a balance of currents or of power."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from scipy.sparse import csc_array
 _MARGIN = 100
 
 
-def rounding_power(admittance: csc_array, voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """100 eps (|Y| |V|)_i |V_i|: mismatch at each bus that no voltages in double precision undercut.
+def rounding_current(admittance: csc_array, voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """``100 eps (|Y| |V|)_i``: currents that no voltages in double precision undercut.
 
     Parameters
     ----------
@@ -22,7 +22,11 @@ def rounding_power(admittance: csc_array, voltage: NDArray[np.complex128]) -> ND
     Returns
     -------
     ndarray, shape (n_buses,)
-        Power in per unit on the system base.
+        Currents in per unit.
     """
-    size = np.abs(voltage)
-    return np.asarray(_MARGIN * np.finfo(float).eps * (abs(admittance) @ size) * size)
+    return np.asarray(_MARGIN * np.finfo(float).eps * (abs(admittance) @ np.abs(voltage)))
+
+
+def rounding_power(admittance: csc_array, voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The power of :func:`rounding_current` at each bus, (n_buses,), per unit on the system base."""
+    return np.asarray(rounding_current(admittance, voltage) * np.abs(voltage))
