@@ -218,6 +218,10 @@ UNREADABLE = {
         FIVE.replace(GEN, "mpc.gen = zeros(2, 10);\n"),
         ["there is no mpc.gen", '"mpc.gen = zeros(2, 10)" is not literal (five.m:12)'],
     ),
+    "no literal table of buses": (
+        FIVE.replace(BUS, "mpc.bus = ones(5, 13);\n"),
+        ["2 faults\n  there is no mpc.bus\n  not supported: "],
+    ),
     "rows of two lengths": (
         FIVE.replace("200 0;\n", "200;\n"),
         ["there is no mpc.gen", "its row in line 14 has 9 numbers, the first one 10 (five.m:12)"],

@@ -112,7 +112,7 @@ def read_matpower(text: str, file: str) -> MatpowerFile:
 def _faulty_rows(tables: Mapping[str, Table]) -> Iterator[str]:
     """Rows that are too short; buses, types and states of switches that have no meaning."""
     buses: set[float] = set()
-    for name in sorted(tables, key=lambda name: name != "bus"):
+    for name in sorted(tables, key=lambda name: name != "bus") if "bus" in tables else ():
         for row, line in zip(tables[name].rows, tables[name].lines, strict=True):
             if len(row) < _WIDTHS[name]:
                 yield f"line {line}: {name} has {len(row)} columns, needs {_WIDTHS[name]}"

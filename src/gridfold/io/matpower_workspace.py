@@ -11,6 +11,7 @@ from gridfold.io.matpower_columns import COLUMN_LISTS, DEFINED_CONSTANTS
 
 _SCALINGS = ("*", ".*", "/", "./")
 _MOST_COLUMNS = 100
+_LONGEST_INDEX = 20  # tokens of an element such as mpc.bus(1, BASE_KV)
 
 
 @dataclass
@@ -83,7 +84,9 @@ class Workspace:
         done: list[Token] = []
         at = 0
         while at < len(tokens):
-            value, used = self._field(tokens[at:]) if tokens[at].text == self.struct else (None, 0)
+            value, used = None, 0
+            if tokens[at].text == self.struct:
+                value, used = self._field(tokens[at : at + _LONGEST_INDEX])
             if value is None:
                 done.append(tokens[at])
                 at += 1
