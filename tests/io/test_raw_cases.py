@@ -295,7 +295,7 @@ def test_a_matpower_file_numbers_its_units_and_parallel_branches():
                 'two-terminal dc line "WEST": 1 record (dc_and_facts.raw:24)',
             ],
         ),
-        ("dc_line.m", ['two-terminal dc line "1-3": 1 record']),
+        ("dc_line.m", ['two-terminal dc line "1-3": 1 record (dc_line.m:34)']),
         ("correction_table.raw", ["branch 1-3:1: impedance correction table 2"]),
         (
             "step_up_in_generator.raw",

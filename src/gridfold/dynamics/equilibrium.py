@@ -15,7 +15,7 @@ from scipy.sparse import block_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from gridfold.dynamics.descriptor import grid_descriptor
-from gridfold.dynamics.model import RESIDUAL_GOOD, DetailedModel
+from gridfold.dynamics.model import DetailedModel, good_residual
 from gridfold.dynamics.unit_limits import state_limits
 from gridfold.errors import InitializationError
 
@@ -69,11 +69,11 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     x, rate = guess.copy(), 0.0
     jacobian = _Bordered(model, moving, condition)
     limits = state_limits(model, guess, model.layout.source_units)
-    before, solve = np.inf, None
+    before, solve, good = np.inf, None, good_residual(model.power_flow)
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
         size = np.abs(residual).max()
-        if size < RESIDUAL_GOOD:
+        if size < good:
             return Equilibrium(x, rate)
         try:
             if solve is None or (not size <= _SLOW * before and np.isfinite(before)):

@@ -34,6 +34,7 @@ from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError
+from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.network_state import NetworkState
@@ -41,8 +42,10 @@ from gridfold.grid.timeline import initial_state
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.powerflow.newton import solve_power_flow
 from gridfold.powerflow.result import PowerFlowResult
+from gridfold.powerflow.rounding import rounding_power
 
-#: Residual of the equilibrium below which nothing is said, and above which the model is refused.
+#: Residual of the equilibrium below which nothing is said, and above which the model is refused; what
+#: rounding in the network may leave is allowed besides (:func:`good_residual`).
 RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
 _LIMIT_MOVED = "limit moved to the start: "
 
@@ -280,7 +283,7 @@ def _built(
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
-    warnings = (*moved, *_check_equilibrium(start, compiled))
+    warnings = (*moved, *_check_equilibrium(start, compiled, solved))
     return DetailedModel(
         solved,
         start.layout,
@@ -340,15 +343,24 @@ def _injections(
     return Injections(load, negative, machine, nonlinear)
 
 
-def _check_equilibrium(start: Start, rhs: CompiledRhs) -> tuple[str, ...]:
+def good_residual(power_flow: PowerFlowResult) -> float:
+    """Residual below which an equilibrium is exact; more where branches have hardly an impedance."""
+    rounding = rounding_power(bus_admittance(power_flow.case), power_flow.voltage)
+    return max(RESIDUAL_GOOD, float(rounding.max()))
+
+
+def _check_equilibrium(
+    start: Start, rhs: CompiledRhs, power_flow: PowerFlowResult
+) -> tuple[str, ...]:
     residual = np.abs(rhs(start.x0)) if rhs.n_states else np.zeros(1)
     worst = int(np.argmax(np.nan_to_num(residual, nan=np.inf)))
-    if residual[worst] < RESIDUAL_GOOD:
+    good = good_residual(power_flow)
+    if residual[worst] < good:
         return ()
     message = (
         f"at the start d({start.layout.state_names[worst]})/dt is {residual[worst]:.3g}, "
-        f"not 0 (below {RESIDUAL_GOOD:g})"
+        f"not 0 (below {good:.3g})"
     )
-    if not residual[worst] < RESIDUAL_LIMIT:
+    if not residual[worst] < max(RESIDUAL_LIMIT, good):
         raise InitializationError(message)
     return (message,)

@@ -13,6 +13,7 @@ Conventions taken over from these files:
   file the status alone counts.
 - A leg of a star without impedance gets 1e-5 p.u., a switching device without one 1e-4 p.u.
 - Isolated buses (type 4), and what is connected to them, are left out.
+- Of a MATPOWER file only what is literal counts, :mod:`gridfold.io.matpower_file`.
 - A blank field of a RAW file is what the manual of PSS/E says, :mod:`gridfold.io.raw_layouts`.
 
 Zones, owners, inter-area transfers, groups of line sections and the nodes of substations are not
@@ -34,6 +35,7 @@ import powerio
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
+from gridfold.io.matpower_file import read_matpower
 from gridfold.io.powerio_branches import LINE_CHARGING
 from gridfold.io.powerio_records import BLANK_FIELDS, convert_network
 from gridfold.io.raw_codes import check_codes
@@ -110,11 +112,22 @@ def read_network(
         return _checked(_read_raw(text, path, raw_revision), path, allow_unsupported)
     if raw_revision is not None:
         raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {path}")
-    data, diagnostics = _parse(text, file_format, path)
-    case = _converted(data, path, {})
-    told = (*_unsupported_findings(diagnostics), *case.unsupported)
-    case = replace(case, unsupported=told, file_counts=_matpower_counts(data))
-    return _checked(case, path, allow_unsupported)
+    return _checked(_read_matpower(text, path), path, allow_unsupported)
+
+
+def _read_matpower(text: str, path: Path) -> Case:
+    file = read_matpower(text, path.name)
+    if file.faults:
+        left_out = [f"not supported: {line}" for line in file.refused]
+        raise CaseFileError([*file.faults, *left_out], str(path))
+    data, diagnostics = _parse(file.text, "matpower", path)
+    case = _converted(data, path, file.places(data))
+    return replace(
+        case,
+        unsupported=(*file.refused, *_unsupported_findings(diagnostics), *case.unsupported),
+        notices=(*file.unread, *case.notices),
+        file_counts=_matpower_counts(data),
+    )
 
 
 def _read_raw(text: str, path: Path, wanted: int | None) -> Case:

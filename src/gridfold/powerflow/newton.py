@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from lightsim2grid.algorithm import NRSing_KLU
@@ -14,11 +15,14 @@ from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, Control, Load
 from gridfold.grid.islands import island_labels
 from gridfold.grid.validation import require_valid
+from gridfold.powerflow.angles import ShiftedBranches, shifted_branches
 from gridfold.powerflow.result import PowerFlowResult
+from gridfold.powerflow.rounding import rounding_power
 
 _MAX_ITERATIONS = 30
 _MAX_LOAD_ITERATIONS = 100
 _WORST = 5
+_PROGRESS = 0.1  # of an iteration that rounding does not hold up
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class _Problem:
 
     admittance: csc_array
     scheduled: NDArray[np.complex128]
+    branches: ShiftedBranches
     slack: NDArray[np.int32]
     voltage_held: NDArray[np.int32]
     power_held: NDArray[np.int32]
@@ -39,11 +44,34 @@ class _Problem:
         error[self.slack] = 0
         return error
 
+    def misfit(self, voltage: NDArray[np.complex128]) -> float:
+        """The sum of all mismatches in per unit."""
+        return float(np.abs(self.mismatch(voltage)).sum())
+
+    def excess(self, voltage: NDArray[np.complex128], tolerance: float) -> float:
+        """The largest mismatch as a part of what is allowed at its bus; infinite if it is no number."""
+        if voltage.shape != self.scheduled.shape or not np.isfinite(voltage).all():
+            return np.inf
+        allowed = np.maximum(tolerance, rounding_power(self.admittance, voltage))
+        return float((np.abs(self.mismatch(voltage)) / allowed).max())
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Voltages of an island after some iterations, and how far they exceed what is allowed."""
+
+    voltage: NDArray[np.complex128]
+    iterations: int
+    excess: float
+
 
 def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     """Solve the power flow of a case.
 
-    Newton's method starts from the stored voltages, and once more from a flat start if that fails.
+    Newton's method starts from the stored voltages, and once more from a flat start if that fails or
+    leaves more than 45 degrees across an impedance. The angles of a flat start follow the phase shifts
+    of transformers; it comes first where stored angles do not. Of two solutions that with the smaller
+    angles is taken.
     Where loads depend on voltage, it is repeated with the loads of the last voltages until both fit.
     Reactive limits are not enforced.
 
@@ -52,7 +80,8 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     case : Case
         A valid case.
     tolerance : float
-        Largest power mismatch allowed, in per unit on the system base.
+        Largest power mismatch allowed, in per unit on the system base. Where admittances are so large
+        that rounding alone leaves more, ``100 eps (|Y| |V|)_i |V_i|`` at bus i is allowed.
 
     Returns
     -------
@@ -121,19 +150,23 @@ def _solve_islands(
     stored = _at_set_points(case, start)
     voltage = stored.copy()
     iterations, worst = 0, 0.0
-    labels = island_labels(case)
+    labels, branches = island_labels(case), shifted_branches(case)
     for island in np.unique(labels):
         members = np.flatnonzero(labels == island)
         problem = _Problem(
             admittance[np.ix_(members, members)],
             scheduled[members],
+            branches.among(members),
             *(
                 np.flatnonzero(kind[members] == control).astype(np.int32)
                 for control in (Control.SLACK, Control.VOLTAGE, Control.POWER)
             ),
         )
-        voltage[members], count = _solve_island(case, problem, stored[members], members, tolerance)
-        iterations = max(iterations, count)
+        found = _solve_island(problem, stored[members], tolerance)
+        if found.excess > 1:
+            raise PowerFlowError(_explain(case, problem, found.voltage, members))
+        voltage[members] = found.voltage
+        iterations = max(iterations, found.iterations)
         worst = max(worst, float(np.abs(problem.mismatch(voltage[members])).max()))
     return voltage, iterations, worst
 
@@ -191,32 +224,55 @@ def _schedule(
     return scheduled, kind
 
 
-def _solve_island(
-    case: Case,
-    problem: _Problem,
-    stored: NDArray[np.complex128],
-    members: NDArray[np.int64],
-    tolerance: float,
-) -> tuple[NDArray[np.complex128], int]:
-    flat = np.abs(stored).astype(np.complex128)
-    flat[problem.power_held] = 1.0
-    flat *= np.exp(1j * np.angle(stored[problem.slack[0]]))
-    best, best_error = stored, np.inf
-    for start in (stored, flat):
-        for allowed in (_MAX_ITERATIONS, *range(1, _MAX_ITERATIONS)):
-            voltage, count = _newton(problem, start, allowed, tolerance)
-            finite = voltage.shape == start.shape and np.isfinite(voltage).all()
-            error = np.abs(problem.mismatch(voltage)).max() if finite else np.inf
-            if error < best_error:
-                best, best_error = voltage, error
-            if error <= tolerance:
-                return voltage, count
-    raise PowerFlowError(_explain(case, problem, best, members))
+def _solve_island(problem: _Problem, stored: NDArray[np.complex128], tolerance: float) -> _Point:
+    """The first solution with small angles; else of all the one with the least, or the nearest point.
+
+    With the lower of the two voltages at which a line can carry a load its angle is above 45 degrees.
+    """
+    points = []
+    for start in _starts(problem, stored):
+        point = _search(problem, start, tolerance)
+        angle = problem.branches.largest_angle(point.voltage)
+        if point.excess <= 1 and angle < np.pi / 4:
+            return point
+        points.append((max(point.excess, 1.0), round(angle, 6), point))
+    return min(points, key=lambda item: item[:2])[2]
+
+
+def _starts(problem: _Problem, stored: NDArray[np.complex128]) -> Iterator[NDArray[np.complex128]]:
+    """Voltages to start from: the stored ones, and flat ones whose angles follow the shifts.
+
+    Stored angles that fit the shifts worse than none at all come second.
+    """
+    slack = problem.slack[0]
+    idle = problem.branches.idle_angles(len(stored))
+    turned = np.exp(1j * (idle - idle[slack] + np.angle(stored[slack])))
+    size = np.abs(stored)
+    if idle.any() and problem.misfit(size * turned) < problem.misfit(stored):
+        yield size * turned
+    yield stored
+    size[problem.power_held] = 1.0
+    yield size * turned
+
+
+def _search(problem: _Problem, start: NDArray[np.complex128], tolerance: float) -> _Point:
+    """Where Newton's method ends, at the latest where rounding stops it; else the nearest point."""
+    end = _newton(problem, start, _MAX_ITERATIONS, tolerance)
+    if end.excess <= 1 and end.iterations < _MAX_ITERATIONS:
+        return end
+    points = [_Point(start, 0, np.inf)]
+    for count in range(1, _MAX_ITERATIONS):
+        before = points[-1]
+        point = replace(_newton(problem, before.voltage, 1, tolerance), iterations=count)
+        if before.excess <= 1 and point.excess > _PROGRESS * before.excess:
+            return min(before, point, key=lambda item: item.excess)
+        points.append(point)
+    return min(*points, end, key=lambda item: item.excess)
 
 
 def _newton(
     problem: _Problem, start: NDArray[np.complex128], allowed: int, tolerance: float
-) -> tuple[NDArray[np.complex128], int]:
+) -> _Point:
     solver = NRSing_KLU()
     weights = np.zeros(len(start))
     weights[problem.slack] = 1.0
@@ -224,7 +280,9 @@ def _newton(
         csc_matrix(problem.admittance), start.copy(), problem.scheduled, problem.slack,
         weights, problem.voltage_held, problem.power_held, allowed, tolerance / 2,
     )  # fmt: skip
-    return np.array(solver.get_V()), int(solver.get_nb_iter())
+    voltage = np.array(solver.get_V())
+    excess = problem.excess(voltage, tolerance)
+    return _Point(voltage if np.isfinite(excess) else start, int(solver.get_nb_iter()), excess)
 
 
 def _explain(

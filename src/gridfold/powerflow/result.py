@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.grid.case import Case
+from gridfold.grid.case import Case, Control
+
+_FAR_MW = 1000.0
 
 
 @dataclass(frozen=True)
@@ -42,3 +44,25 @@ class PowerFlowResult:
         """Active power lost in branches and shunts, in MW."""
         total = self.unit_power.sum() - self.load_power.sum()
         return float(total.real) * self.case.base_mva
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """Units that balance far from their stored power: the stored state is then no solution.
+
+        Far is more than 1000 MW, or, where a power is stored at all, both more than the MVA base of
+        the unit and more than a tenth of all load.
+        """
+        lines = []
+        tenth = 0.1 * abs(float(self.load_power.real.sum())) * self.case.base_mva
+        for unit, power in zip(self.case.generators, self.unit_power, strict=True):
+            if not unit.in_service or unit.control is not Control.SLACK:
+                continue
+            solved = float(power.real) * self.case.base_mva
+            is_stored = unit.active_mw != 0 or unit.reactive_mvar != 0
+            limit = min(max(unit.base_mva, tenth), _FAR_MW) if is_stored else _FAR_MW
+            if abs(solved - unit.active_mw) > limit:
+                lines.append(
+                    f"{self.case.locate(unit)} balances with {solved:,.1f} MW, stored are "
+                    f"{unit.active_mw:,.1f} MW: the stored state is far from the solution"
+                )
+        return tuple(lines)

@@ -10,6 +10,7 @@ from gridfold.dynamics.network.loads import LoadModel
 from gridfold.grid.case import Case
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.replacement import Replacement
+from gridfold.powerflow.result import PowerFlowResult
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Basis:
     unsupported : tuple of str
         Parts of the network that were left out, as gridfold has no model for them.
     notices : tuple of str
-        What else was noticed in the files.
+        What else was noticed in the files, and in the solution of their power flow.
     missing : tuple of str
         Faults of dynamic data for which there is no model at all.
     unplaced : tuple of str
@@ -90,7 +91,7 @@ def basis_of(model: DetailedModel) -> Basis:
     """What results of a model rest on."""
     moved = model.limits_moved
     warnings = tuple(line for line in model.warnings if not line.endswith(moved))
-    basis = basis_of_case(model.case, model.loads, model.doubts)
+    basis = basis_of_case(model.case, model.loads, model.doubts, flow=model.power_flow)
     return replace(basis, limits_moved=moved, warnings=warnings)
 
 
@@ -99,13 +100,14 @@ def basis_of_case(
     loads: LoadModel,
     doubts: tuple[Doubt, ...],
     missing: tuple[str, ...] = (),
+    flow: PowerFlowResult | None = None,
 ) -> Basis:
-    """The same of a case of which there may be no model."""
+    """The same of a case of which there may be no model, nor a power flow."""
     return Basis(
         loads,
         case.replacements,
         unsupported=case.unsupported,
-        notices=case.notices,
+        notices=(*case.notices, *(flow.notices if flow else ())),
         missing=missing,
         unplaced=case.unplaced,
         data_doubts=doubts,

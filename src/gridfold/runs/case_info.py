@@ -95,7 +95,7 @@ def examine_files(
     case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
     if dyr is None:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, _doubts(case, flow))
+        basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)
         return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
     data = read_dyr(dyr)
     models = _counts(data)
@@ -103,7 +103,7 @@ def examine_files(
         case = with_devices(case, data, unsupported, without_data)
     except CaseError as error:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, _doubts(case, flow), tuple(error.faults))
+        basis = basis_of_case(case, loads, _doubts(case, flow), tuple(error.faults), flow)
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
     flow, trouble = _flow(case)
     model = None
@@ -112,7 +112,10 @@ def examine_files(
             model = with_start_checked(build_model(case, flow, loads=loads, on_limit=on_limit))
         except (CaseError, InitializationError) as error:
             trouble = str(error)
-    basis = basis_of_case(case, loads, _doubts(case, flow)) if model is None else basis_of(model)
+    if model is None:
+        basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)
+    else:
+        basis = basis_of(model)
     return CaseInfo(case, basis, models, data.skipped, (), flow, model, trouble)
 
 

@@ -18,6 +18,7 @@ from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.dynamics.network.loads import NonlinearLoads
 from gridfold.errors import NetworkError
 from gridfold.numerics.compiled import compile_callback
+from gridfold.powerflow.rounding import rounding_current
 
 _HEADER = 4
 
@@ -57,7 +58,7 @@ def solve_with_loads(
         drawn = loads.currents(_at(v, rows))
         error = injected - equations.matrix @ v
         np.add.at(error, rows[live], drawn[live])
-        if np.abs(error).max(initial=0.0) < 1e-10:
+        if np.all(np.abs(error) < np.maximum(1e-10, rounding_current(equations.matrix, v))):
             return v
         matrix = real_matrix(equations, loads.slopes(_at(v, rows)), rows)
         step = splu(matrix).solve(np.concatenate([error.real, error.imag]))
