@@ -10,8 +10,6 @@ SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -nam
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
 
-# Compiled code is cached by source file; a change in a function that a kernel of another file calls
-# does not renew that file's cache. The processes of a parallel run start without one.
 test: $(VENV)/.dev lint docs
 	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile
 

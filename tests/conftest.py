@@ -2,17 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import replace
 
 import pytest
-
-# Processes that fill one cache of compiled code at the same time can mix up its files, so each process
-# of a parallel run has its own. Where it is has to be known before anything compiled is imported.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    _cache = tempfile.TemporaryDirectory(prefix="gridfold-tests-")
-    os.environ["NUMBA_CACHE_DIR"] = _cache.name
 
 from cases import FALLING, npcc_model_on
 

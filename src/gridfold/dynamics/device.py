@@ -30,10 +30,10 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import compile_callback, invoke
+from gridfold.numerics.compiled import compile_callback, invoke, jit
 from gridfold.numerics.unit_matrix import ROLES, UnitMatrix, unit_matrix
 
 Matrix = NDArray[np.float64] | NDArray[np.complex128]
@@ -210,7 +210,7 @@ def run_kernel(
         _call(address, x, u, p, y, dx)
 
 
-@njit(cache=True)
+@jit()
 def _call(address, x, u, p, y, dx):
     invoke(
         address,

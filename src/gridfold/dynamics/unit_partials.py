@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import compiled_kernel
@@ -28,7 +27,7 @@ from gridfold.dynamics.rhs import (
     run_calls,
 )
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.compiled import FAST
+from gridfold.numerics.compiled import FAST, jit
 from gridfold.numerics.newton import COMPLEX_STEP
 from gridfold.numerics.rhs import CompiledRhs
 
@@ -150,7 +149,7 @@ class UnitKernels:
         return UnitSlopes(a, b, c)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _slopes(
     integers, reals, work, state, dx, voltage_start,
     unit_of, row_of, sources, x, voltages, a, b, c,

@@ -2,7 +2,7 @@
 
 A right-hand side, and each device kernel inside it, is compiled once with one fixed signature and
 then called through its address. A loop over addresses therefore serves every grid and every model
-without being compiled again, and the on-disk cache of Numba always holds.
+without being compiled again. Machine code is kept on disk (:mod:`gridfold.numerics.kernel_cache`).
 """
 
 from __future__ import annotations
@@ -11,16 +11,18 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import cfunc, njit, types
-from numba.core import cgutils
+from numba import njit, types
+from numba.core import cgutils, sigutils
+from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
+
+from gridfold.numerics.kernel_cache import kernel_cache
 
 #: Relaxed floating-point rules that still honour infinities and NaN.
 FAST = {"contract", "reassoc", "nsz"}
 
 # Without reference counting, views of arrays cost nothing.
 _OPTIONS: dict[str, Any] = {
-    "cache": True,
     "error_model": "numpy",
     "fastmath": FAST,
     "_nrt": False,
@@ -28,13 +30,27 @@ _OPTIONS: dict[str, Any] = {
 
 
 def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
-    """Compile `function` for `signature` into a C callback with an ``address``, cached on disk."""
-    return cfunc(signature, **_OPTIONS)(function)
+    """Compile `function` for `signature` into a C callback with an ``address``, kept on disk."""
+    callback: Any = CFunc(function, sigutils.normalize_signature(signature), {}, _OPTIONS)
+    callback._cache = kernel_cache(function)
+    callback.compile()
+    return callback
+
+
+def jit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator: as that of Numba with these options, with machine code that is kept on disk."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        dispatcher = njit(**options)(function)
+        dispatcher._cache = kernel_cache(function)
+        return dispatcher
+
+    return decorate
 
 
 def compiled_part(function: Callable[..., Any]) -> Any:
     """Compile a function that callbacks call; like them it may view arrays but not create any."""
-    return njit(**_OPTIONS)(function)
+    return jit(**_OPTIONS)(function)
 
 
 def _invoke(typing_context, address, arguments):

@@ -10,8 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from gridfold.numerics.compiled import jit
 
 # A whole number in the lowest bits of a double: add, and look at the bits.
 _SHIFT = 1.5 * 2.0**52
@@ -51,7 +53,6 @@ _double_of: Any = intrinsic(_double)
 
 
 _OPTIONS: dict[str, Any] = {
-    "cache": True,
     "error_model": "numpy",
     "fastmath": {"contract"},
     "_nrt": False,
@@ -60,7 +61,7 @@ _OPTIONS: dict[str, Any] = {
 
 def _function(function: Any) -> Any:
     """Compile without reordering; products may be fused into sums."""
-    return njit(**_OPTIONS)(function)
+    return jit(**_OPTIONS)(function)
 
 
 @_function

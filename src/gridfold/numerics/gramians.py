@@ -12,10 +12,9 @@ Equation", IMA Journal of Numerical Analysis 2 (1982), pp. 303-323; here in comp
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from gridfold.errors import OptionError
-from gridfold.numerics.compiled import FAST
+from gridfold.numerics.compiled import FAST, jit
 from gridfold.numerics.schur import ComplexMatrix, Matrix, complex_schur
 
 
@@ -117,7 +116,7 @@ def _hammarling(triangle: ComplexMatrix, right: ComplexMatrix) -> ComplexMatrix:
 
 
 # Real and imaginary parts apart, and columns of S and R as rows: what is read in a row is side by side.
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _fill_columns(s_real, s_imag, g_real, g_imag, r_real, r_imag):
     n, m = g_real.shape
     for k in range(n - 1, -1, -1):

@@ -12,10 +12,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST, compile_callback, invoke, matrix_view
+from gridfold.numerics.compiled import FAST, compile_callback, invoke, jit, matrix_view
 
 if TYPE_CHECKING:
     from gridfold.numerics.rhs import CompiledRhs
@@ -53,7 +53,7 @@ class CompiledSolver:
 SolverFactory = Callable[[NDArray[np.float64], float], CompiledSolver]
 
 
-@njit(cache=True, nogil=True)
+@jit(nogil=True)
 def call_solver(address, integers, reals, b, y, scratch):
     """Call the solver at `address` once."""
     invoke(address, (integers, reals, b, y, scratch))
@@ -74,7 +74,7 @@ def numerical_jacobian(rhs: CompiledRhs, x: NDArray[np.float64]) -> NDArray[np.f
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _differentiate(address, integers, reals, work, x, result):
     n = len(x)
     above, below = np.empty(n), np.empty(n)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.implicit import SolverFactory
 
 #: ``f(integers, reals, work, x, dx)``: two read-only blocks of data, scratch space, state, result.
@@ -77,13 +77,13 @@ class CompiledRhs:
         return result
 
 
-@njit(cache=True, nogil=True)
+@jit(nogil=True)
 def call_rhs(address, integers, reals, work, x, dx):
     """Call the right-hand side at `address` once."""
     invoke(address, (integers, reals, work, x, dx))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _collect_work(address, integers, reals, work, states, places, result):
     dx = np.empty(states.shape[1])
     for row in range(states.shape[0]):

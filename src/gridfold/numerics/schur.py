@@ -8,9 +8,10 @@ from __future__ import annotations
 import ctypes
 
 import numpy as np
-from numba import njit
 from numba.extending import get_cython_function_address
 from numpy.typing import NDArray
+
+from gridfold.numerics.compiled import jit
 
 Matrix = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
@@ -75,7 +76,7 @@ _dgees = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * _DGEES_ARGUMENTS)(
 )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@jit(nogil=True, error_model="numpy")
 def _turn_blocks(s, u):
     """Make every 2 x 2 block of s upper triangular by a unitary turn of its two columns.
 

@@ -7,10 +7,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST, compile_callback
+from gridfold.numerics.compiled import FAST, compile_callback, jit
 from gridfold.numerics.modal_form import ModalForm
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
@@ -93,7 +92,7 @@ def _inner_step(elapsed: NDArray[np.float64]) -> float:
     return float(elapsed[-2] - elapsed[1]) / (len(elapsed) - 3) if len(elapsed) > 3 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _fill(diagonal, coupling, partner, offset, start, elapsed, step, states):
     """Solution from `start`: rows of `states` at the times `elapsed`, most of them `step` apart."""
     n = len(start)
@@ -111,13 +110,13 @@ def _fill(diagonal, coupling, partner, offset, start, elapsed, step, states):
             anchor, count = elapsed[row], 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _propagate(propagator, partner, w, w_new):
     for i in range(len(w)):
         w_new[i] = propagator[0, i] * w[i] + propagator[1, i] * w[partner[i]] + propagator[2, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _propagator(diagonal, coupling, partner, offset, t, propagator):
     """Factors of w_i and w_partner(i), and what the offset adds, in the time t.
 

@@ -14,7 +14,6 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
@@ -23,7 +22,7 @@ from gridfold.dynamics.network.dense import real_dense_network
 from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.dynamics.network.loads import real_form
 from gridfold.dynamics.network.sparse import paths_to_root
-from gridfold.numerics.compiled import FAST, compile_callback
+from gridfold.numerics.compiled import FAST, compile_callback, jit
 
 #: Number of terminals from which factoring the network is faster than closing its impedance matrix.
 FACTORED_FROM = 60
@@ -129,7 +128,7 @@ def _fill(pattern: csc_array) -> list[NDArray[np.int64]]:
     return [np.array(sorted(nodes), dtype=np.int64) for nodes in below]
 
 
-@njit(cache=True)
+@jit()
 def _places(starts, nodes, rows, columns):
     """Numbers of the blocks at rows and columns."""
     size, result = len(starts) - 1, np.empty(len(rows), dtype=np.int64)
@@ -143,7 +142,7 @@ def _places(starts, nodes, rows, columns):
     return result
 
 
-@njit(cache=True)
+@jit()
 def _targets(starts, nodes):
     """Blocks from which the products of each elimination are taken, in its order."""
     total = 0
@@ -159,7 +158,7 @@ def _targets(starts, nodes):
     return _places(starts, nodes, rows, columns)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _factor(starts, nodes, targets, blocks):
     """Blocks of L and U in place of those of the matrix; diagonal blocks are inverted."""
     size, count, at = len(starts) - 1, len(nodes), 0

@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.steppers.rk4 import rk4_step
@@ -65,7 +64,7 @@ class AdamsBashforthMoulton4:
         return run_loop(_loop, self.step, rhs, times, x0, watches)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
     """Predict, evaluate, correct, extrapolate; f[j] is the derivative at t_(n-j), j = 0 ... 3."""
     n = len(x)
@@ -78,7 +77,7 @@ def _abm4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
         x_new[i] = corrected - 19 / 270 * (corrected - stage[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _loop(
     address, after, integers, reals, work, times, full_step, states, table, w_integers, w_reals
 ):

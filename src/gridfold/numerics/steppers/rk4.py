@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step, run_loop
 from gridfold.numerics.watch import Watch, first_watch
@@ -43,7 +42,7 @@ class RungeKutta4:
         return run_loop(_loop, self.step, rhs, times, x0, watches)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
     """One step of size h from x, where f = f(x) is known; `stage` and `k` are scratch."""
     n = len(x)
@@ -63,7 +62,7 @@ def rk4_step(address, integers, reals, work, x, f, h, stage, k, x_new):
         x_new[i] += h / 6 * k[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _loop(
     address, after, integers, reals, work, times, full_step, states, table, w_integers, w_reals
 ):

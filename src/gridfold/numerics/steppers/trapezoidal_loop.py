@@ -5,9 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
-from gridfold.numerics.compiled import FAST, invoke
+from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.watch import first_watch
 
 #: Largest error of the iteration in a state, relative to its size or 1.
@@ -33,7 +32,7 @@ class Outcome(IntEnum):
     FAILED = 4
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _extrapolate(times, states, step, x_new):
     """A polynomial through up to three equidistant states; returns how many there were."""
     h, n = times[step + 1] - times[step], states.shape[1]
@@ -51,7 +50,7 @@ def _extrapolate(times, states, step, x_new):
     return known
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _solve_step(
     address, integers, reals, work, s_address, s_integers, s_reals, scratch,
     x, f, h, x_new, f_new, residual, correction, known_rate,
@@ -86,7 +85,7 @@ def _solve_step(
     return 0, -1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def one_step(
     address, integers, reals, work, s_address, s_integers, s_reals, scratch, x, h, x_new
 ):  # fmt: skip
@@ -101,7 +100,7 @@ def one_step(
     return count > 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _local_error(guess, x_new):
     """Largest error of a step: the third difference is the error of the guess, 13 times that."""
     worst = 0.0
@@ -110,14 +109,14 @@ def _local_error(guess, x_new):
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _derivative_behind(f_new, correction, residual, h, f):
     """The derivative behind the last correction c: f + J c, where (I - h/2 J) c is the residual."""
     for i in range(len(f)):
         f[i] = f_new[i] + (correction[i] - residual[i]) * 2 / h
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def run_steps(
     address, after, integers, reals, work, s_address, s_integers, s_reals, scratch, h_solver,
     times, states, first, table, w_integers, w_reals,
