@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-
 from cases import FALLING, npcc_model_on
 
 import gridfold as gf

@@ -25,6 +25,7 @@ from rich.progress import Progress as Bars
 
 from gridfold.cli.console import ExitCode, err, out, write_json_option
 from gridfold.cli.options import JsonOption
+from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OptionError, OutputError
 from gridfold.io.results import write_csv, write_parquet
 from gridfold.io.study_store import StudyStore
@@ -43,6 +44,9 @@ _output_option = partial(typer.Option, rich_help_panel="Output")
 _RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
 
 Ctrl-C ends it with what was in flight written; --resume goes on, after a kill too.
+
+Python files that a study names as devices run only with --trust-devices, or if the same files were
+trusted before.
 
 Examples:
 
@@ -79,6 +83,13 @@ def run(
     resume: Annotated[
         bool, _output_option("--resume", help="Go on with what the folder holds.")
     ] = False,
+    trust_devices: Annotated[
+        bool,
+        typer.Option(
+            "--trust-devices",
+            help="Run the Python files that the study names as devices, and remember them.",
+        ),
+    ] = False,
     log_json: Annotated[
         str | None,
         _output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
@@ -92,6 +103,7 @@ def run(
     ] = None,
 ) -> None:
     """Run a study: every contingency, on all cores or a cluster."""
+    trusted = trusted_devices(study, trust_devices)
     with ExitStack() as stack:
         brake = stack.enter_context(_brake())
         tell = [stack.enter_context(_bar())]
@@ -114,6 +126,7 @@ def run(
             cluster=cluster,
             on_progress=on_progress,
             stop=brake.stop,
+            trust_devices=trusted,
         )
     with StudyStore.read(outcome.folder) as store:
         out.print(facts_table(study_facts(store, outcome)))

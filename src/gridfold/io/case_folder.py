@@ -71,6 +71,32 @@ def read_case(source: str | Path) -> Case:
     return case
 
 
+def case_files(source: str | Path) -> tuple[Path, ...]:
+    """The files that :func:`read_case` reads, with those of cases that are extended; none if built in.
+
+    Raises
+    ------
+    CaseFileError
+        There is no such case.
+    """
+    if Path(source).suffix and not Path(source).is_dir():
+        return (Path(source),)
+    return tuple(_files(_resolve(str(source), Path.cwd(), str(source)), depth=0))
+
+
+def _files(folder: Path, depth: int) -> list[Path]:
+    if depth > _DEPTH_LIMIT or folder.parent == _BUILT_IN:
+        return []
+    settings = _read_settings(folder / "case.toml")
+    tables = [folder / f"{name}.csv" for name in _TABLES]
+    files = [folder / "case.toml", *(path for path in tables if path.is_file())]
+    files += sorted((folder / "devices").glob("*.csv"))
+    if "extends" in settings:
+        base = _resolve(settings["extends"], folder, str(folder / "case.toml"))
+        files += _files(base, depth + 1)
+    return files
+
+
 def _resolve(source: str, base: Path, where: str) -> Path:
     if source in built_in_cases():
         return _BUILT_IN / source

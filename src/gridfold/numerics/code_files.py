@@ -24,6 +24,8 @@ _INSTALLED = {
     for key in ("stdlib", "platstdlib", "purelib", "platlib")
     if (folder := sysconfig.get_paths().get(key))
 }
+#: Attribute of a module that was made from a :class:`Code`: that code.
+CODE = "__gridfold_code__"
 _SITE = {"site-packages", "dist-packages"}
 
 
@@ -111,7 +113,7 @@ def read_code(path: Path, search: Sequence[str] | None = None) -> Code:
     OSError
         The file cannot be read.
     SyntaxError, ValueError
-        A file is no Python.
+        A file is no Python, or imports something else that is not installed.
     """
     places = [str(path.resolve().parent), *(sys.path if search is None else search)]
     first = CodeFile(path.stem, str(path), path.read_bytes())
@@ -133,14 +135,16 @@ def read_code(path: Path, search: Sequence[str] | None = None) -> Code:
 
 def _read(spec: ModuleSpec) -> CodeFile:
     assert spec.origin is not None
+    if not spec.origin.endswith(".py"):
+        raise ValueError(
+            f"it imports {spec.origin}, which is neither Python nor an installed package"
+        )
     package = spec.submodule_search_locations is not None
     return CodeFile(spec.name, spec.origin, Path(spec.origin).read_bytes(), package)
 
 
 def _imported(file: CodeFile) -> Iterator[str]:
     """Names of modules in the import statements of a file; those behind ``from`` may be none."""
-    if not file.path.endswith(".py"):  # an extension module
-        return
     package = file.module if file.is_package else file.module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.content, file.path)):
         if isinstance(node, ast.Import):

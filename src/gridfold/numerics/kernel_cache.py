@@ -35,7 +35,14 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from gridfold.numerics.code_digest import code_digest
-from gridfold.numerics.code_files import Code, is_installed, package_digest, package_name, read_code
+from gridfold.numerics.code_files import (
+    CODE,
+    Code,
+    is_installed,
+    package_digest,
+    package_name,
+    read_code,
+)
 from gridfold.numerics.user_folders import user_folder
 
 #: Parts of the package that compiled code may come from, or take constants from.
@@ -156,6 +163,9 @@ def _take_over(helper: Any) -> None:
 
 def _reached(function: Callable[..., Any]) -> Code | None:
     """The files that a function outside the package comes from; None if it comes from no file."""
+    code = getattr(sys.modules.get(function.__module__), CODE, None)
+    if isinstance(code, Code):
+        return code
     try:
         return read_code(Path(getsourcefile(function) or ""))
     except (OSError, SyntaxError, TypeError, ValueError):

@@ -19,6 +19,7 @@ from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
 from gridfold.io.event_records import event_record
 from gridfold.io.results import write_csv, write_npz, write_parquet
+from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.basis import basis_of
 from gridfold.runs.notices import Notice
@@ -247,6 +248,7 @@ class Trajectory:
             stepper["tolerance"] = tolerance
         return {
             "gridfold": __version__,
+            "sources": SOURCES,
             "python": platform.python_version(),
             "numpy": np.__version__,
             "case": case.name,

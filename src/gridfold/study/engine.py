@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from datetime import UTC, datetime
@@ -23,7 +23,9 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.study.executors import Team, Workers, team
 from gridfold.study.generate import contingency_from_record
 from gridfold.study.grid_map import grid_map
-from gridfold.study.identity import identity_of, refuse_changed, refuse_other
+from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
+from gridfold.study.named_files import NamedFiles, read_named
+from gridfold.study.own_devices import code_record, exits_are_errors, require_trust
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.solve import Batch, Task
 from gridfold.study.study_file import Study, load_study
@@ -47,6 +49,7 @@ def run_study(
     folder: str | Path | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     stop: Event | None = None,
+    trust_devices: bool | Collection[str] = False,
 ) -> StudyRun:
     """Run a study, or the rest of one.
 
@@ -72,6 +75,9 @@ def run_study(
         Called with a :class:`Progress` from the calling thread.
     stop : threading.Event, optional
         Ends it early once it is set, with what is in flight written. So does a KeyboardInterrupt.
+    trust_devices : bool or collection of str
+        Whether Python files that the study names as `devices` may run; or the digests
+        (:attr:`gridfold.numerics.code_files.Code.digest`) of those that may.
 
     Returns
     -------
@@ -91,8 +97,10 @@ def run_study(
     kind = _kind(workers)
     tell = on_progress or (lambda progress: None)
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
-    with ExitStack() as stack:
-        store, todo, offline, prepared = _open(wanted, start, target, resume, count, stack)
+    named = read_named(wanted, start)
+    require_trust(named.own_code, trust_devices)
+    with exits_are_errors(named.own_code), ExitStack() as stack:
+        store, todo, offline, prepared = _open(wanted, named, target, resume, count, stack)
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
@@ -117,15 +125,16 @@ def _target(out: str | Path | None, path: Path | None) -> Path:
 
 
 def _open(
-    study: Study, start: Path, target: Path, resume: bool, count: int | None, stack: ExitStack
+    study: Study, named: NamedFiles, target: Path, resume: bool, count: int | None, stack: ExitStack
 ) -> tuple[StudyStore, list[Batch], Offline, Prepared]:
     """The store, what is to be done, and the study made ready."""
     if resume:
         # Locked before the work begins, so that two runs cannot both find it free.
         store = stack.enter_context(StudyStore.resume(target))
         refuse_other(store, study)
+        refuse_other_files(store, named.hashes)
     earlier = store.identity["settings"] if resume else None
-    offline, contingencies = do_offline_work(study, start, count, earlier)
+    offline, contingencies = do_offline_work(study, named, count, earlier)
     prepared = prepare(offline)
     identity = identity_of(offline)
     if resume:
@@ -135,6 +144,7 @@ def _open(
             "study": study.content(),
             "settings": describe(offline, prepared),
             "map": grid_map(offline.case, offline.study_buses),
+            "own_code": [code_record(code) for code in named.own_code],
             "checked": sorted(_checked(study, len(contingencies))),
         }
         records = [item.record() for item in contingencies]

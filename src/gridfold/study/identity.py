@@ -9,6 +9,7 @@ from typing import Any
 
 from gridfold.errors import OptionError
 from gridfold.io.study_store import StudyStore
+from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Offline
 from gridfold.study.study_file import Study
@@ -22,6 +23,8 @@ def identity_of(offline: Offline) -> dict[str, Any]:
         "gridfold": __version__,
         "case": offline.case.name,
         "fingerprint": offline.case.fingerprint,
+        "sources": offline.sources,
+        "files": dict(offline.named.hashes),
         "study_hash": hashlib.sha256(content.encode()).hexdigest(),
     }
 
@@ -36,6 +39,36 @@ def refuse_other(store: StudyStore, study: Study) -> None:
                 f"{store.folder}: the results belong to another study: {key} was {was!r} and is "
                 f"{wants!r}; take another folder with --out"
             )
+
+
+def refuse_other_files(store: StudyStore, files: Mapping[str, str]) -> None:
+    """Raise an OptionError if gridfold or a file that the study names is not what the results rest on.
+
+    `files` are SHA-256 by name.
+    """
+    there = store.identity
+    if "files" not in there or "sources" not in there:
+        raise OptionError(
+            f"{store.folder}: the results do not tell from which files they were made: an older "
+            "gridfold has written them; take another folder with --out"
+        )
+    before = there["files"]
+    changed = [_change(name, before.get(name), files.get(name)) for name in {**before, **files}]
+    if there["sources"] != SOURCES:
+        changed.append(_change("gridfold itself", there["sources"], SOURCES))
+    if faults := [line for line in changed if line is not None]:
+        listed = "\n".join(f"  {line}" for line in faults)
+        raise OptionError(
+            f"{store.folder}: the results were made from other files:\n{listed}\n"
+            "Take another folder with --out, or put the files back."
+        )
+
+
+def _change(name: str, before: str | None, now: str | None) -> str | None:
+    if before == now:
+        return None
+    was, is_now = (f"sha256 {h[:16]}" if h else "not there" for h in (before, now))
+    return f"{name}: was {was}, is {is_now}"
 
 
 def refuse_changed(

@@ -1,50 +1,112 @@
-"""Device models from a user's own Python files."""
+"""Device models from a user's own Python files: read, trusted, and only then run."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import OptionError
+from gridfold.numerics.code_files import Code, read_code
+from gridfold.study.own_code import place_in, run_code, told
 
 
-def load_devices(files: Sequence[Path]) -> Mapping[str, Device]:
-    """The package's device models and every :class:`Device` that the modules `files` define.
-
-    The files are run: take them from people you trust.
+def read_devices(files: Sequence[Path]) -> tuple[Code, ...]:
+    """Read Python files and what they import; nothing is run.
 
     Raises
     ------
     OptionError
-        A file cannot be run, defines no device, or one whose name is taken.
+        A file cannot be read or is no Python: every one of them.
+    """
+    found, faults = [], []
+    for path in files:
+        try:
+            if not path.is_file():
+                raise OptionError("there is no such Python file")
+            found.append(read_code(path.resolve()))
+        except SyntaxError as error:
+            faults.append(f"{error.filename or path}:{error.lineno}: {told(error)}")
+        except (OptionError, OSError, ValueError, RecursionError) as error:
+            faults.append(f"{path}: {error}")
+    if faults:
+        raise OptionError("\n".join(faults))
+    return tuple(found)
+
+
+def require_trust(codes: Sequence[Code], trusted: bool | Collection[str]) -> None:
+    """Refuse to run code that is not trusted.
+
+    Parameters
+    ----------
+    codes : sequence of Code
+        What is going to run.
+    trusted : bool or collection of str
+        Whether all of it may run, or the digests (:attr:`Code.digest`) of what may.
+
+    Raises
+    ------
+    OptionError
+        Some of it may not: paths and SHA-256 of its files, and what to do.
+    """
+    if trusted is True:
+        return
+    allowed = () if trusted is False else trusted
+    strange = [code for code in codes if code.digest not in allowed]
+    if strange:
+        listed = "\n".join(line for code in strange for line in listing(code))
+        raise OptionError(
+            "the study runs Python code of its own, which may do anything that you may do here:\n"
+            f"{listed}\n"
+            "Read it. If you trust it, go on with --trust-devices (in Python trust_devices=True)."
+        )
+
+
+def listing(code: Code) -> Iterator[str]:
+    """A line for each file: path and SHA-256."""
+    return (f"  {file.path}  sha256 {file.sha256}" for file in code.files)
+
+
+def code_record(code: Code) -> dict[str, Any]:
+    """Where results come from, ready for JSON: path, digest, files by module, packages by version."""
+    files = {file.module: file.sha256 for file in code.files}
+    return {
+        "path": code.path,
+        "digest": code.digest,
+        "files": files,
+        "packages": dict(code.versions),
+    }
+
+
+def load_devices(codes: Sequence[Code]) -> Mapping[str, Device]:
+    """The package's device models and every :class:`Device` that own code defines. The code is run.
+
+    Raises
+    ------
+    OptionError
+        It cannot be run, defines no device, or one whose name is taken.
     """
     devices = dict(DEVICES)
-    for path in files:
-        own = {
-            item.model: item for item in vars(_module(path)).values() if isinstance(item, Device)
-        }
+    for code in codes:
+        items = vars(run_code(code)).values()
+        own = {item.model: item for item in items if isinstance(item, Device)}
         own = {name: item for name, item in own.items() if DEVICES.get(name) is not item}
         if not own:
-            raise OptionError(f"{path}: it defines no device model")
+            raise OptionError(f"{code.path}: it defines no device model")
         if taken := [name for name in own if name in devices]:
-            raise OptionError(f"{path}: there is a device model {taken[0]} already")
+            raise OptionError(f"{code.path}: there is a device model {taken[0]} already")
         devices |= own
     return devices
 
 
-def _module(path: Path) -> object:
-    name = f"gridfold_own_{path.stem}"
-    specification = importlib.util.spec_from_file_location(name, path)
-    if specification is None or specification.loader is None or not path.is_file():
-        raise OptionError(f"{path}: there is no such Python file")
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module
+@contextmanager
+def exits_are_errors(codes: Sequence[Code]) -> Iterator[None]:
+    """A SystemExit from own code, in whatever it was called for, is an :class:`OptionError`."""
     try:
-        specification.loader.exec_module(module)
-    except Exception as error:
-        raise OptionError(f"{path}: {type(error).__name__}: {error}") from error
-    return module
+        yield
+    except SystemExit as error:
+        place = next((at for code in codes if (at := place_in(code, error)) != code.path), None)
+        raise OptionError(f"{place or 'a device model of the study'}: {told(error)}") from error

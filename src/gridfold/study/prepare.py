@@ -29,6 +29,7 @@ from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.grid.timeline import initial_state
+from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
@@ -41,6 +42,7 @@ from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.unstable_start import with_start_checked
 from gridfold.study.generate import Contingency, list_contingencies
+from gridfold.study.named_files import NamedFiles, case_source
 from gridfold.study.own_devices import load_devices
 from gridfold.study.study_file import Study
 
@@ -72,8 +74,10 @@ class Offline:
         Why it was chosen, where the study leaves that open.
     reduced : bytes, optional
         The reduced external area, as in a file of :func:`gridfold.save_reduced`.
-    device_files : tuple of Path
-        Python files with further device models.
+    named : NamedFiles
+        The files that the study names: code of further device models as it was read, and digests.
+    sources : str
+        SHA-256 of the sources of gridfold.
     """
 
     study: Study
@@ -84,7 +88,8 @@ class Offline:
     settings: ModelSettings
     reason: str | None
     reduced: bytes | None
-    device_files: tuple[Path, ...]
+    named: NamedFiles
+    sources: str = SOURCES
 
     @cached_property
     def token(self) -> str:
@@ -93,12 +98,13 @@ class Offline:
         digest.update(self.study.model_dump_json().encode())
         digest.update(repr((self.settings, self.method, sorted(self.study_buses))).encode())
         digest.update(self.reduced or b"")
+        digest.update(repr([code.digest for code in self.named.own_code]).encode())
         return digest.hexdigest()
 
     @property
     def devices(self) -> Mapping[str, Device]:
         """All device models of the study."""
-        return load_devices(self.device_files)
+        return load_devices(self.named.own_code)
 
 
 @dataclass(frozen=True)
@@ -122,27 +128,26 @@ class Prepared:
 
 def do_offline_work(
     study: Study,
-    folder: Path,
+    named: NamedFiles,
     workers: int | None = None,
     earlier: Mapping[str, Any] | None = None,
 ) -> tuple[Offline, tuple[Contingency, ...]]:
     """Case, power flow, thresholds and reduction of a study, and its contingencies.
 
-    Relative file names in the study start at `folder`; `workers` threads calibrate. A study that goes
-    on takes the model of its `earlier` settings, :func:`describe`.
+    `named` is what the study names; all else is checked before code in it is run. `workers` threads
+    calibrate. A study that goes on takes the model of its `earlier` settings, :func:`describe`.
 
     Raises
     ------
     GridfoldError
         Something in the study does not fit.
     """
-    case, device_files = load_grid(study, folder)
-    devices = load_devices(device_files)
-    with naming_doubts(case, devices):
-        power_flow = solve_power_flow(case)
+    case = load_grid(study, named.folder)
     buses = _study_buses(study, case)
-    contingencies = list_contingencies(study, case, buses, folder)
-    model = _build(study, case, power_flow, devices)
+    contingencies = list_contingencies(study, case, buses, named.folder)
+    with naming_doubts(case):
+        power_flow = solve_power_flow(case)
+    model = _build(study, case, power_flow, load_devices(named.own_code))
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     parts = partition(model, buses) if buses else None
@@ -153,25 +158,22 @@ def do_offline_work(
     reduced = None
     if isinstance(family, Ladder | ReducedExternal):
         reduced = _saved(family, settings.norm)
-    offline = Offline(
-        study, case, power_flow, buses, method, settings, reason, reduced, device_files
-    )
+    offline = Offline(study, case, power_flow, buses, method, settings, reason, reduced, named)
     return offline, contingencies
 
 
-def load_grid(study: Study, folder: Path) -> tuple[Case, tuple[Path, ...]]:
-    """The case of a study, and the files of its own device models."""
+def load_grid(study: Study, folder: Path) -> Case:
+    """The case of a study."""
     wanted = study.case
     dyr = None if wanted.dyr is None else folder / wanted.dyr
-    case = load_case(
-        _source(wanted.source, folder),
+    return load_case(
+        case_source(wanted.source, folder),
         dyr,
         unsupported=wanted.unsupported,
         without_data=wanted.without_data,
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
     )
-    return case, tuple((folder / name).resolve() for name in wanted.devices)
 
 
 def prepare(offline: Offline) -> Prepared:
@@ -179,6 +181,11 @@ def prepare(offline: Offline) -> Prepared:
 
     The same `offline` gives the same to the last digit, in every process.
     """
+    if offline.sources != SOURCES:
+        raise OptionError(
+            "the worker has other sources of gridfold than the run that it works for: "
+            f"{SOURCES[:16]}, there {offline.sources[:16]}; install the same on all machines"
+        )
     study = offline.study
     model = _build(study, offline.case, offline.power_flow, offline.devices)
     criterion = SynchronismCriterion(study.run.angle_limit_deg)
@@ -192,12 +199,6 @@ def prepare(offline: Offline) -> Prepared:
             small.limits(model, mode)
     rule = offline.settings.rule
     return Prepared(study, model, offline.method, criterion, parts, small, rule, intact)
-
-
-def _source(source: str, folder: Path) -> str | Path:
-    """A built-in case by name, else a path that starts at the study's folder."""
-    beside = folder / source
-    return beside if beside.exists() or Path(source).suffix or "/" in source else source
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:

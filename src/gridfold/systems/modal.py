@@ -143,7 +143,7 @@ def _propagator(diagonal, coupling, partner, offset, t, propagator):
         propagator[2, p] = own * offset[p] - other * offset[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _bound(partner, size, rows, bounds):
     """Add up the modes: a pair turns, so that both its lengths count."""
     for i in range(len(size)):

@@ -1,0 +1,84 @@
+"""Python code of studies that a user trusts, remembered by its digest in a folder of that user."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from gridfold.cli.console import err
+from gridfold.errors import OutputError
+from gridfold.io.results import write_json
+from gridfold.numerics.code_files import Code
+from gridfold.numerics.user_folders import user_folder
+from gridfold.study.own_devices import code_record, listing, read_devices
+from gridfold.study.study_file import load_study
+
+
+def trusted_devices(study: Path, given: bool) -> frozenset[str]:
+    """Digests of the code in a study's `devices` that may run.
+
+    Parameters
+    ----------
+    study : Path
+        The study file.
+    given : bool
+        Whether the user trusts all of it now. It is told what that is, and remembered.
+    """
+    names = load_study(study).case.devices
+    codes = read_devices([study.parent / name for name in names])
+    trusted = frozenset(code.digest for code in codes if given or _is_remembered(code))
+    if given and codes:
+        _tell(
+            "trusted: Python code of the study, which may do anything that you may do here", codes
+        )
+        where = [_remember(code) for code in codes]
+        _say(
+            "not remembered: there is no folder for it"
+            if None in where
+            else f"remembered in {where[0]}"
+        )
+    elif trusted:
+        _tell("Python code of the study that you trusted before", codes)
+    return trusted
+
+
+def _tell(title: str, codes: Sequence[Code]) -> None:
+    _say("\n".join([f"{title}:", *(line for code in codes for line in listing(code))]))
+
+
+def _say(text: str) -> None:
+    err.print(text, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def _file(code: Code) -> Path | None:
+    folder = user_folder("XDG_STATE_HOME", ".local/state")
+    return None if folder is None else folder / "trusted-code" / f"{code.digest}.json"
+
+
+def _is_remembered(code: Code) -> bool:
+    """Whether this user, and nobody else, has written down that they trust the code."""
+    file = _file(code)
+    if file is None:
+        return False
+    try:
+        return (
+            file.stat().st_uid == os.getuid()
+            and json.loads(file.read_text())["digest"] == code.digest
+        )
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
+def _remember(code: Code) -> Path | None:
+    """Write down that the code is trusted; the folder, or None where that cannot be."""
+    file = _file(code)
+    if file is not None:
+        when = datetime.now(UTC).isoformat(timespec="seconds")
+        with contextlib.suppress(OutputError):
+            write_json(file, code_record(code) | {"trusted": when})
+            return file.parent
+    return None
