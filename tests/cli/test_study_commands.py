@@ -1,5 +1,6 @@
 """gridfold init, run, show and report, as a user types them."""
 
+import hashlib
 import json
 import os
 import signal
@@ -158,3 +159,68 @@ def test_an_interrupt_leaves_a_study_that_goes_on(command, here, number):
     assert 0 < last["done"] < 60
     code, out, _ = command("run", "short.toml", "--resume")
     assert (code, "60 of 60 done" in out) == (0, True)
+
+
+OWN = """
+from dataclasses import replace
+from gridfold.dynamics.exciters.sexs import SEXS
+OWN = replace(SEXS, model="own_sexs")
+"""
+
+
+@pytest.fixture
+def own(here, monkeypatch):
+    """A study with a device model of its own, of a user who has trusted nothing yet."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(here / "state"))
+    (here / "own.py").write_text(OWN)
+    text = SHORT.replace("1-4,26", "1") + '[case]\ndevices = ["own.py"]\n'
+    (here / "own.toml").write_text(text)
+    return here
+
+
+def test_own_code_is_run_once_it_is_trusted_and_told_with_its_hash(command, own):
+    digest = hashlib.sha256((own / "own.py").read_bytes()).hexdigest()
+    code, _, err = command("run", "own.toml")
+    assert code == 2
+    assert f"{own / 'own.py'} sha256 {digest}" in plain(err)
+    assert "--trust-devices" in err
+    assert not (own / "own.results").exists()
+    code, _, err = command("run", "own.toml", "--trust-devices")
+    assert code == 0
+    assert f"{own / 'own.py'} sha256 {digest}" in plain(err)
+    assert f"remembered in {own / 'state'}" in plain(err)
+    code, _, err = command("run", "own.toml", "--out", "again")
+    assert (code, "that you trusted before" in err) == (0, True)
+    (own / "own.py").write_text(OWN + "# changed\n")
+    code, _, err = command("run", "own.toml", "--out", "changed")
+    assert (code, "--trust-devices" in err) == (2, True)
+
+
+def test_trust_of_another_user_or_of_another_file_does_not_count(command, own, monkeypatch):
+    assert command("run", "own.toml", "--trust-devices")[0] == 0
+    (remembered,) = (own / "state").rglob("*.json")
+    text = remembered.read_text()
+    remembered.write_text(text.replace('"digest": "', '"digest": "0'))
+    assert command("run", "own.toml", "--out", "a")[0] == 2
+    remembered.write_text("{")
+    assert command("run", "own.toml", "--out", "a")[0] == 2
+    remembered.write_text(text)
+    assert command("run", "own.toml", "--out", "a")[0] == 0
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert command("run", "own.toml", "--out", "b")[0] == 2
+
+
+@pytest.mark.parametrize("home", ["/proc/nowhere", "own.py"])
+def test_without_a_folder_for_it_trust_is_not_remembered(command, own, monkeypatch, home):
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", home)
+    code, _, err = command("run", "own.toml", "--trust-devices")
+    assert (code, "not remembered" in err) == (0, True)
+    code, _, err = command("run", "own.toml", "--out", "again")
+    assert (code, "--trust-devices" in err) == (2, True)
+
+
+def test_own_code_that_ends_the_program_is_bad_input(command, own):
+    (own / "own.py").write_text("import sys\nsys.exit(0)\n")
+    code, _, err = command("run", "own.toml", "--trust-devices")
+    assert (code, "own.py:2: the code of a device model asks to end" in plain(err)) == (2, True)

@@ -169,7 +169,7 @@ def test_a_study_without_a_study_area_runs_on_the_detailed_model_and_says_why(tm
         "contingencies": {"bus_faults": "1-2"},
         "run": {"t_end": 0.5},
     }
-    run_study(parse_study(content), tmp_path / "a", folder=folder, count=1)
+    run_study(parse_study(content), tmp_path / "a", folder=folder, count=1, trust_devices=True)
     settings = settings_of(tmp_path / "a")
     assert settings["model"] == "detailed"
     assert settings["model_reason"] == "no study area is given"
