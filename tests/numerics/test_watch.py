@@ -42,7 +42,7 @@ def box(size: float, seed: int = 1) -> BoxWatch:
 
 def verdicts(watch, states) -> list[bool]:
     """What the compiled condition says of the rows, one after the other as in an integration."""
-    data, verdict = pack_watches([watch]), np.zeros(1)
+    data, verdict = pack_watches([watch], N_STATES), np.zeros(1)
     return [bool(first_watch(*data, state, verdict)) for state in states]
 
 

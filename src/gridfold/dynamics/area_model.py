@@ -15,6 +15,12 @@ from gridfold.dynamics.layout import Group, Layout, build_layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_with_loads
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.checked_arrays import (
+    ANY_LENGTH,
+    require_partners,
+    require_positions,
+    require_shapes,
+)
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.statemap import StateMap
@@ -76,6 +82,17 @@ class LinearArea:
     b: NDArray[np.float64]
     input_reference: NDArray[np.float64]
     drift: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n, (r, m) = len(self.index), np.shape(self.b)
+        a = (r, r) if self.partners is None else (2, r)
+        shapes = {"index": (n,), "a": a, "input_reference": (m,), "drift": (n,)}
+        require_shapes("a linear area", self, shapes)
+        require_shapes("its map", self.states, {"reference": (n,), "lift_matrix": (n, r)})
+        require_shapes("its linearization", self.full, {"a": (n, n), "b": (n, m)})
+        require_positions("states of a linear area", self.index, ANY_LENGTH)
+        if self.partners is not None:
+            require_partners("partners in a linear area", self.partners, r)
 
 
 @dataclass(frozen=True)
@@ -171,6 +188,7 @@ def build_area_model(
     nonlinear : ndarray of bool, shape (n_states,), optional
         From :func:`nonlinear_functions`, which does not depend on the network state.
     """
+    require_positions("states of the linear area", area.index, model.n_states)
     exact_units, linear_units = _divide(model, set(area.index.tolist()))
     kept = [unit for unit in linear_units if unit in set(corrected)]
     rest = [unit for unit in linear_units if unit not in set(corrected)]

@@ -38,6 +38,11 @@ from gridfold.dynamics.rhs import (
     solve_voltages,
 )
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.checked_arrays import (
+    require_partners,
+    require_positions,
+    require_shapes,
+)
 from gridfold.numerics.compiled import compile_callback, compiled_part, matrix_view
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
@@ -122,6 +127,16 @@ class LinearPart:
     g: NDArray[np.float64]
     t: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        r, k, c = len(self.b), len(self.formed), len(self.corrected)
+        m = 2 * len(self.ports) + len(self.input_states)
+        a = (r, r) if self.partners is None else (2, r)
+        shapes = {"a": a, "b": (r, m), "offset": (r,), "reference": (k,), "lift": (k, r)}
+        shapes |= {"input_reference": (m,), "f": (c, r), "g": (c, m), "t": (r, c)}
+        require_shapes("the linear part of an area model", self, shapes)
+        if self.partners is not None:
+            require_partners("partners in an area model", self.partners, r)
+
     @property
     def order(self) -> int:
         """Number of coordinates."""
@@ -160,6 +175,9 @@ def pack_area_rhs(
         Terminals whose voltage is held during a step, and where in v its real and imaginary part
         are kept.
     """
+    for places in (exact, linear.formed, linear.corrected, linear.input_states, angles[0]):
+        require_positions("states of an area model", places, layout.n_states)
+    require_positions("ports of an area model", linear.ports, len(layout.terminals))
     data = pack_model(layout, constants, network, active, units_out, _AREA_HEADER)
     header, integers, reals = data.header, data.integers, data.reals
     header[[N_EXACT, EXACT_SLOTS_AT]] = len(exact), integers.add(exact)

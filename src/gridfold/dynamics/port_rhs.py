@@ -41,7 +41,9 @@ from gridfold.dynamics.rhs import (
     run_calls,
     solve_network,
 )
+from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.checked_arrays import require_positions, require_shapes
 from gridfold.numerics.compiled import compile_callback, compiled_part, matrix_view
 from gridfold.numerics.elementary import angle, exponential, logarithm, sine_cosine
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
@@ -99,6 +101,11 @@ class PowerInputs:
     c: NDArray[np.float64]
     b: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        k, r = len(self.units), len(self.b)
+        shapes = {"speed": (k,), "power": (k,), "c": (k, r), "b": (r, k)}
+        require_shapes("the prime movers of a linear area", self, shapes)
+
     @property
     def reals(self) -> NDArray[np.float64]:
         """All numbers in the order in which the compiled function reads them."""
@@ -140,6 +147,17 @@ class LinearPorts:
     voltage: NDArray[np.complex128]
     turned: NDArray[np.float64]
     movers: PowerInputs | None = None
+
+    def __post_init__(self) -> None:
+        r, p = len(self.diagonal), len(self.current)
+        shapes = {"b": (r, 2 * p), "offset": (r,), "c": (2 * p, r), "voltage": (p,)}
+        shapes |= {"turned": (2 * p,)}
+        require_shapes("a linear area behind ports", self, shapes)
+        movers = 0 if self.movers is None else len(self.movers.units)
+        if self.movers is not None:
+            require_shapes("its prime movers", self.movers, {"c": (movers, r)})
+        if 2 * len(self.coupling) > r:
+            raise OptionError(f"{len(self.coupling)} pairs of modes in an area of order {r}")
 
     @property
     def order(self) -> int:
@@ -206,6 +224,9 @@ def pack_port_rhs(
     With `angles`, positions of rotor angles in the state and their values at the operating point, the
     network is taken in a frame that turns with their mean.
     """
+    require_shapes("the ports of a linear area", area, {"current": (len(ports),)})
+    require_positions("ports of a linear area", ports, len(layout.terminals))
+    require_positions("rotor angles", np.asarray(angles[0]), layout.n_states)
     data = pack_model(layout, constants, network, layout.blocks, units_out, _PORT_HEADER)
     header = data.header
     length = _up(area.order, _ROW)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,10 +17,12 @@ from gridfold.dynamics.network import LoadModel
 from gridfold.dynamics.unit_limits import limits_touched
 from gridfold.equivalents.families import COLUMN_NORM, ReducedExternal
 from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.saved_forms import reduced_forms
 from gridfold.equivalents.saved_ladder import build_ladder, ladder_arrays, ladder_header
-from gridfold.errors import CaseFileError, OptionError
+from gridfold.errors import CaseFileError, GridfoldError, OptionError
+from gridfold.io.array_files import Forms
 from gridfold.io.reduced_files import ReducedFile, read_reduced, write_reduced
-from gridfold.partition import Partition, couple, partition
+from gridfold.partition import couple, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation, Reducer, Reduction
 from gridfold.runs.basis import basis_of
 from gridfold.systems.linear import LinearSystem
@@ -27,6 +30,8 @@ from gridfold.systems.statemap import StateMap
 
 #: Reducers that can be written to a file and built again from it.
 _REDUCERS = {kind.__name__: kind for kind in (BalancedTruncation, ModalTruncation)}
+#: What a header that does not fit makes Python and NumPy raise.
+_MISFITS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 #: Largest difference of a state (p.u., rad) at which two operating points are the same.
 SAME_POINT = 1e-6
 
@@ -115,16 +120,32 @@ def load_reduced(path: str | Path, model: DetailedModel) -> SavedReduction:
     OptionError
         It belongs to another case or operating point, or has another version of the format.
     """
-    content = read_reduced(Path(path))
-    _check_case(content, model, path)
-    try:
+    path = Path(path)
+
+    def forms(header: Mapping[str, Any], names: tuple[str, ...]) -> Forms:
+        _check_case(header, model, path)
+        with _fitting(path):
+            return reduced_forms(header, names, model)
+
+    content = read_reduced(path, forms)
+    _check_point(content, model, path)
+    with _fitting(path):
         return _build(content, model)
-    except (OptionError, LookupError, TypeError, ValueError) as error:
+
+
+@contextmanager
+def _fitting(path: Path) -> Iterator[None]:
+    """What does not fit together as a :class:`CaseFileError`."""
+    try:
+        yield
+    except CaseFileError:
+        raise
+    except (GridfoldError, *_MISFITS) as error:
         raise CaseFileError(f"the content does not fit together: {error}", str(path)) from None
 
 
-def _check_case(content: ReducedFile, model: DetailedModel, path: str | Path) -> None:
-    header, case = content.header, model.case
+def _check_case(header: Mapping[str, Any], model: DetailedModel, path: Path) -> None:
+    case = model.case
     if header["fingerprint"] != case.fingerprint:
         raise OptionError(
             f"{path}: the reduced model belongs to case {header['case']} with fingerprint "
@@ -135,9 +156,11 @@ def _check_case(content: ReducedFile, model: DetailedModel, path: str | Path) ->
         raise OptionError(
             f"{path}: the reduced model has loads {loads}, the model of the case {model.loads.text}"
         )
-    names = content.arrays.get("state_names", np.array([])).tolist()
-    x0 = content.arrays.get("x0", np.array([]))
-    if tuple(names) != model.state_names or x0.shape != model.x0.shape:
+
+
+def _check_point(content: ReducedFile, model: DetailedModel, path: Path) -> None:
+    names, x0 = content.arrays["state_names"].tolist(), content.arrays["x0"]
+    if tuple(names) != model.state_names:
         raise CaseFileError("the states are not those of the case", str(path))
     apart = np.abs(x0 - model.x0)
     worst = int(np.argmax(apart))
@@ -189,7 +212,7 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         kept_exactly=header["kept_exactly"],
     )
     area = LinearArea(
-        index=_external_index(parts, arrays),
+        index=np.array(parts.states_of(parts.external_units), dtype=np.int64),
         states=_states("area", arrays),
         full=_system("full", arrays),
         a=arrays["area_a"],
@@ -211,25 +234,6 @@ def _build(content: ReducedFile, model: DetailedModel) -> SavedReduction:
         at_limits=limits_touched(model, arrays["x0"], parts.external_units),
     )
     return SavedReduction(family, norm)
-
-
-def _external_index(parts: Partition, arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
-    """Positions of the external states, if the matrices have as many rows."""
-    index = np.array(parts.states_of(parts.external_units), dtype=np.int64)
-    boundary = 2 * len(parts.boundary_buses)
-    r = arrays["area_lift"].shape[1]
-    expected = {
-        "area_lift": (len(index), r),
-        "area_b": (r, boundary),
-        "full_b": (len(index), boundary),
-        "drift": (len(index),),
-        "u0": (boundary,),
-        "area_a": (2, r) if "area_partners" in arrays else (r, r),
-    }
-    for name, shape in expected.items():
-        if arrays[name].shape != shape:
-            raise ValueError(f"{name} has shape {arrays[name].shape}, expected {shape}")
-    return index
 
 
 def _states(name: str, arrays: Mapping[str, NDArray[Any]]) -> StateMap:

@@ -1,24 +1,26 @@
-"""Files of reduced models: a NumPy archive of arrays with a header as JSON text."""
+"""Files of reduced models: a NumPy archive of arrays with a header as JSON text.
+
+The header holds a digest of all else; a file that has been changed is not taken up.
+"""
 
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.errors import CaseFileError, OptionError
+from gridfold.io.array_files import Forms, arrays_digest, open_arrays
 from gridfold.io.results import write_npz
 from gridfold.version import __version__
 
 FORMAT = "gridfold reduced model"
-VERSION = 1
+VERSION = 2
 
 _Kinds = dict[str, type | tuple[type, ...]]
 _HEADER: _Kinds = {
@@ -56,23 +58,45 @@ def write_reduced(path: Path, content: ReducedFile) -> None:
         It cannot be written.
     """
     marks = {"format": FORMAT, "version": VERSION, "gridfold": __version__}
-    write_npz(path, content.arrays, {**marks, **content.header})
+    header = {**marks, **content.header}
+    write_npz(path, content.arrays, header | {"sha256": _digest(header, content.arrays)})
 
 
-def read_reduced(path: Path) -> ReducedFile:
-    """Read the file and check that it is one, of this version.
+def read_reduced(
+    path: Path, forms: Callable[[Mapping[str, Any], tuple[str, ...]], Forms]
+) -> ReducedFile:
+    """Read the file and check that it is one, of this version, and that it is whole.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    forms : callable
+        What its arrays have to be, from the header and their names. No array is read before.
 
     Raises
     ------
     CaseFileError
-        The file is missing, cannot be read, or is not one of a reduced model.
+        The file is missing, cannot be read, is not one of a reduced model, or has been changed.
     OptionError
         It has another version of the format.
     """
-    arrays = _read_archive(path)
+    with open_arrays(path) as archive:
+        header = _header(archive.text("metadata"), path)
+        names = tuple(name for name in archive.names if name != "metadata")
+        arrays = archive.arrays(forms(header, names), beside=("metadata",))
+    if header.pop("sha256", None) != _digest(header, arrays):
+        raise CaseFileError(
+            "the content is not that which was written: its SHA-256 differs", str(path)
+        )
+    return ReducedFile(header, arrays)
+
+
+def _header(text: str | None, path: Path) -> dict[str, Any]:
+    """The header, with the keys of the format."""
     try:
-        header = json.loads(str(arrays.pop("metadata", "")))
-    except ValueError:
+        header = json.loads(text or "", parse_constant=_refuse)
+    except (ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise CaseFileError("this is not a file of a reduced model", str(path))
@@ -83,22 +107,16 @@ def read_reduced(path: Path) -> ReducedFile:
         )
     further = _FURTHER.get(str(header.get("outputs")), _FURTHER["states"])
     for key, kind in (_HEADER | further).items():
-        if not isinstance(header.get(key), kind):
-            raise CaseFileError(f"{key} is {header.get(key)!r} in the header", str(path))
-    return ReducedFile(header, arrays)
+        value = header.get(key)
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise CaseFileError(f"{key} is {value!r} in the header", str(path))
+    return header
 
 
-def _read_archive(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with path.open("rb") as stream:
-            archive = np.load(stream, allow_pickle=False)
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise CaseFileError("this is not a file of a reduced model", str(path))
-            with archive:
-                return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        what = error.strerror or error
-        raise CaseFileError(f"the file cannot be read: {what}", str(path)) from None
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
-        text = "this is not a file of a reduced model, or it is damaged"
-        raise CaseFileError(text, str(path)) from None
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def _digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    text = json.dumps(header, sort_keys=True)
+    return sha256(f"{text}\0{arrays_digest(arrays)}".encode()).hexdigest()

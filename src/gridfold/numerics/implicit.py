@@ -15,6 +15,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.numerics.checked_arrays import checked_state
 from gridfold.numerics.compiled import FAST, compile_callback, invoke, jit, matrix_view
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def dense_solver(jacobian: NDArray[np.float64], gamma: float) -> CompiledSolver:
 
 def numerical_jacobian(rhs: CompiledRhs, x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Jacobian of `rhs` at the state `x` by central differences, shape (n, n)."""
-    state, result = np.array(x, dtype=np.float64), np.empty((len(x), len(x)))
+    state, result = checked_state(x, rhs.n_states).copy(), np.empty((len(x), len(x)))
     work = np.zeros(rhs.work_size)
     _differentiate(rhs.address, rhs.integers, rhs.reals, work, state, result)
     return result

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.checked_arrays import require_partners, require_shapes
 
 #: Largest condition number of the eigenvector basis that is accepted.
 CONDITION_LIMIT = 1e10
@@ -42,6 +43,12 @@ class ModalForm:
     diagonal: NDArray[np.float64]
     coupling: NDArray[np.float64]
     partner: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        n = len(self.diagonal)
+        square = {"basis": (n, n), "inverse": (n, n)}
+        require_shapes("a modal form", self, {**square, "diagonal": (n,), "coupling": (n,)})
+        require_partners("partners of a modal form", self.partner, n)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.numerics.checked_arrays import checked_state, require_positions
 from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.implicit import SolverFactory
 
@@ -52,14 +53,14 @@ class CompiledRhs:
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivative at the state `x`, shape (n_states,)."""
-        state = np.ascontiguousarray(x, dtype=np.float64)
+        state = checked_state(x, self.n_states).reshape(self.n_states)
         dx = np.empty(self.n_states)
         call_rhs(self.address, self.integers, self.reals, np.zeros(self.work_size), state, dx)
         return dx
 
     def held_after_step(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state after a step that ended in `x`: the same, but for values held during steps."""
-        state = np.array(x, dtype=np.float64)
+        state = checked_state(x, self.n_states).reshape(self.n_states).copy()
         if self.after_step:
             work, dx = np.zeros(self.work_size), np.empty(self.n_states)
             call_rhs(self.after_step, self.integers, self.reals, work, state, dx)
@@ -69,7 +70,8 @@ class CompiledRhs:
         self, states: NDArray[np.float64], places: NDArray[np.int64]
     ) -> NDArray[np.float64]:
         """Entries `places` (m,) of the scratch space after a call at each of `states`: (n, m)."""
-        rows = np.ascontiguousarray(states, dtype=np.float64)
+        rows = checked_state(states, self.n_states).reshape(-1, self.n_states)
+        require_positions("places in the scratch space", places, self.work_size)
         result = np.empty((len(rows), len(places)))
         _collect_work(
             self.address, self.integers, self.reals, np.zeros(self.work_size), rows, places, result

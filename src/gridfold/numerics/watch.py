@@ -11,6 +11,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.errors import OptionError
+from gridfold.numerics.checked_arrays import ANY_LENGTH, require_positions, require_shapes
 from gridfold.numerics.compiled import (
     compile_callback,
     compiled_part,
@@ -30,11 +32,12 @@ _NOTHING_KNOWN = (0.0, 0.0)
 
 @dataclass(frozen=True)
 class CompiledWatch:
-    """Address of a compiled condition and its data."""
+    """Address of a compiled condition, its data, and how many states it reads."""
 
     address: int
     integers: NDArray[np.int64]
     reals: NDArray[np.float64]
+    n_states: int
 
 
 #: From rows (n, n_states) to bounds (n,) of the magnitudes of ``rows @ x`` in the time to come.
@@ -84,6 +87,12 @@ class SpreadWatch:
     reference: NDArray[np.float64]
     limit: float
 
+    def __post_init__(self) -> None:
+        n = len(self.index)
+        require_shapes("a watch", self, {"index": (n,), "group": (n,), "weight": (n,)})
+        require_positions("watched states", self.index, ANY_LENGTH)
+        require_positions("groups of watched states", self.group, len(self.reference))
+
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distance of each watched entry from its group's reference, shape (n,)."""
         values = x[self.index]
@@ -112,6 +121,7 @@ class SpreadWatch:
             _compiled_spread().address,
             np.concatenate([sizes, self.index, self.group]).astype(np.int64),
             np.concatenate([[self.limit], self.weight, self.reference]),
+            int(np.max(self.index, initial=-1)) + 1,
         )
 
 
@@ -141,6 +151,9 @@ class BandWatch:
     limit: float
     inside: bool = False
     steps: int = 1
+
+    def __post_init__(self) -> None:
+        require_shapes("a watch", self, {"offset": (len(self.matrix),)})
 
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Magnitudes of the quantities, shape (n,)."""
@@ -188,6 +201,7 @@ class BandWatch:
                     np.zeros(n_states),
                 ]
             ),
+            n_states,
         )
 
 
@@ -208,6 +222,10 @@ class BoxWatch:
     matrix: NDArray[np.float64]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.matrix)
+        require_shapes("a watch", self, {"lower": (n,), "upper": (n,)})
 
     def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far each quantity is beyond its range, negative inside; shape (..., n)."""
@@ -246,6 +264,7 @@ class BoxWatch:
             _compiled_box().address,
             np.array([n, n_states], dtype=np.int64),
             np.concatenate([_NOTHING_KNOWN, *ranges]),
+            n_states,
         )
 
 
@@ -259,10 +278,16 @@ def first_fired(watches: Sequence[Watch], states: NDArray[np.float64]) -> tuple[
 
 
 def pack_watches(
-    watches: Sequence[Watch],
+    watches: Sequence[Watch], n_states: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Watches as a table (address, integers from, to, reals from, to) and two data blocks."""
+    """Watches as a table (address, integers from, to, reals from, to) and two data blocks.
+
+    Raises an OptionError if one reads more than the `n_states` of a system.
+    """
     compiled = [watch.compile() for watch in watches]
+    for watch in compiled:
+        if watch.n_states > n_states:
+            raise OptionError(f"a watch reads {watch.n_states} states of a system with {n_states}")
     table = np.zeros((len(compiled), 5), dtype=np.int64)
     integers_at = reals_at = 0
     for row, watch in zip(table, compiled, strict=True):

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.errors import OptionError
+from gridfold.numerics.checked_arrays import require_shapes
 from gridfold.numerics.compiled import FAST, compile_callback, jit
 from gridfold.numerics.modal_form import ModalForm
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
@@ -33,6 +35,9 @@ class ModalSystem:
 
     form: ModalForm
     offset: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        require_shapes("a modal system", self, {"offset": (len(self.form.diagonal),)})
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -63,8 +68,12 @@ class ModalSystem:
         ndarray, shape (n_times, n)
             `out`, C-contiguous, where it is given.
         """
-        states = np.empty((len(elapsed), len(self.offset))) if out is None else out
-        form = self.form
+        shape, form = (len(elapsed), len(self.offset)), self.form
+        states = np.empty(shape) if out is None else out
+        if states.shape != shape or np.shape(start) != shape[1:]:
+            raise OptionError(
+                f"states of shape {states.shape} from {np.shape(start)}, expected {shape}"
+            )
         _fill(
             form.diagonal, form.coupling, form.partner, self.offset,
             np.ascontiguousarray(start, dtype=np.float64), elapsed, _inner_step(elapsed), states,
@@ -78,7 +87,9 @@ class ModalSystem:
 
         Each mode is as large as it may become, and all add up.
         """
-        form = self.form
+        form, n = self.form, len(self.offset)
+        if np.shape(start) != (n,) or np.ndim(rows) != 2 or np.shape(rows)[1] != n:
+            raise OptionError(f"rows of shape {np.shape(rows)} for {n} states")
         bounds = np.zeros(len(rows))
         with np.errstate(over="ignore"):
             size = np.abs(start) + np.abs(self.offset) * span

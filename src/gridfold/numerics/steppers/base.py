@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
+from gridfold.numerics.checked_arrays import checked_state
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.watch import Watch, pack_watches
 
@@ -59,10 +60,10 @@ def run_loop(
 ) -> Integration:
     """Run the compiled loop of a stepper, which fills the states and returns (steps, watch fired)."""
     states = np.empty((len(times), rhs.n_states))
-    states[0] = x0
+    states[0] = checked_state(x0, rhs.n_states).reshape(rhs.n_states)
     done, fired = loop(
         rhs.address, rhs.after_step, rhs.integers, rhs.reals, np.zeros(rhs.work_size), times, step,
-        states, *pack_watches(watches),
+        states, *pack_watches(watches, rhs.n_states),
     )  # fmt: skip
     return Integration(states[: done + 1], fired)
 

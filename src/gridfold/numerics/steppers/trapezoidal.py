@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
+from gridfold.numerics.checked_arrays import checked_state
 from gridfold.numerics.implicit import CompiledSolver, dense_solver, numerical_jacobian
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers.base import Integration, check_step
@@ -82,7 +83,8 @@ class _Run:
 
     def __init__(self, rhs: CompiledRhs, watches: Sequence[Watch]):
         self.rhs, self.watches = rhs, watches
-        self.packed, self.unwatched = pack_watches(watches), pack_watches(())
+        self.packed = pack_watches(watches, rhs.n_states)
+        self.unwatched = pack_watches((), rhs.n_states)
         self.work = np.zeros(rhs.work_size)
         self.solver: CompiledSolver | None = None
         self.made: tuple[bytes, float] = (b"", 0.0)
@@ -91,7 +93,7 @@ class _Run:
     def along(self, times: NDArray[np.float64], x0: NDArray[np.float64]) -> Integration:
         """All steps; each obstacle that the loop reports is removed, or the step divided."""
         states = np.full((len(times), self.rhs.n_states), np.nan)
-        states[0] = x0
+        states[0] = checked_state(x0, self.rhs.n_states)
         step, last = 0, len(times) - 1
         while step < last:
             step, outcome, fired = self._loop(times, states, step, self.packed)
@@ -117,7 +119,7 @@ class _Run:
     ) -> Integration:
         """Every sampling interval in so many equal steps that the local error is within bounds."""
         states = np.full((len(times), self.rhs.n_states), np.nan)
-        states[0] = x0
+        states[0] = checked_state(x0, self.rhs.n_states)
         level, calm = _FIRST_LEVEL, 0
         past: NDArray[np.float64] = states[:1]
         for step in range(len(times) - 1):
