@@ -210,3 +210,79 @@ def test_a_reducer_that_is_not_the_packages_own_is_not_written(tmp_path, family)
 
     with pytest.raises(gf.OptionError, match="BalancedTruncation or ModalTruncation"):
         save_reduced(tmp_path / "a.npz", replace(family, reducer=Own(order=60)))
+
+
+def _tampered(array, generator):
+    """Neighbours of an array: of other type, shape, value or position."""
+    place = int(generator.integers(max(array.size, 1)))
+    yield array.astype("O")
+    yield array[None]
+    yield array[:-1]
+    yield np.concatenate([array, array[-1:]])
+    if array.dtype.kind == "U":
+        return
+    yield array.astype(np.float32)
+    for value in (np.nan, 1e18) if array.dtype.kind == "f" else (-1, len(array), 2**62):
+        changed = array.copy()
+        changed.flat[place] = value
+        yield changed
+    yield -array
+
+
+def _arrays_of(path):
+    with np.load(path) as archive:
+        return {name: archive[name] for name in archive.files if name != "metadata"}
+
+
+def test_a_file_in_which_any_array_was_tampered_with_is_refused(saved, npcc, tmp_path):
+    """A seeded sample; the digest stays that of the true file."""
+    generator = np.random.default_rng(12)
+    with np.load(saved) as archive:
+        metadata = archive["metadata"]
+    arrays = _arrays_of(saved)
+    changes = [{name: None} for name in arrays if name != "hankel"]
+    changes += [{name: new} for name, a in arrays.items() for new in _tampered(a, generator)]
+    changes = [changes[k] for k in generator.permutation(len(changes))[:60]]
+    for change in [*changes, {"hankel": None}, {"more": np.zeros(3)}]:
+        kept = {name: a for name, a in (arrays | change).items() if a is not None}
+        np.savez(tmp_path / "t.npz", metadata=metadata, **kept)
+        with pytest.raises(gf.CaseFileError, match=r"t\.npz"):
+            load_reduced(tmp_path / "t.npz", npcc)
+
+
+def test_a_value_that_fits_and_was_not_written_is_told_by_the_digest(saved, npcc):
+    arrays = _arrays_of(saved)
+    with np.load(saved) as archive:
+        metadata = archive["metadata"]
+    np.savez(saved, metadata=metadata, **(arrays | {"drift": arrays["drift"] + 1e-9}))
+    with pytest.raises(gf.CaseFileError, match="not that which was written: its SHA-256 differs"):
+        load_reduced(saved, npcc)
+
+
+@pytest.mark.parametrize("value", [60, -1, 2**62])
+def test_a_partner_beyond_the_coordinates_is_refused_by_its_position(saved, npcc, value):
+    partners = _arrays_of(saved)["area_partners"]
+    partners[5] = value
+    rewrite(saved, {"area_partners": partners})
+    with pytest.raises(
+        gf.CaseFileError, match=f"area_partners holds position {value}, which is not"
+    ):
+        load_reduced(saved, npcc)
+
+
+def test_coordinates_that_are_not_each_others_partners_are_refused(saved, npcc):
+    partners = _arrays_of(saved)["area_partners"]
+    rewrite(saved, {"area_partners": np.zeros_like(partners)})
+    with pytest.raises(gf.CaseFileError, match="not the partner of its partner"):
+        load_reduced(saved, npcc)
+
+
+@pytest.mark.parametrize("key", ["bound", "column_norm", "kept_exactly"])
+@pytest.mark.parametrize("text", ["NaN", "Infinity", "true", '"1"', "[]"])
+def test_a_number_of_the_header_that_is_none_is_refused(saved, npcc, key, text):
+    with np.load(saved) as archive:
+        header = json.loads(str(archive["metadata"])) | {key: "HERE"}
+    metadata = json.dumps(header).replace('"HERE"', text)
+    np.savez(saved, metadata=np.array(metadata), **_arrays_of(saved))
+    with pytest.raises(gf.CaseFileError):
+        load_reduced(saved, npcc)

@@ -184,6 +184,12 @@ def test_all_that_modules_with_compiled_code_import_is_part_of_the_digest():
     assert {f.relative_to(PACKAGE).parts[0] for f in users} <= set(COMPILED_PARTS)
 
 
+def test_nothing_in_the_package_is_kept_by_the_cache_of_numba():
+    """It would serve what was compiled before a change in another file."""
+    kept = [f for f in PACKAGE.rglob("*.py") if "cache=True" in f.read_text("utf-8")]
+    assert kept == []
+
+
 def test_folders_that_nobody_uses_are_removed(tmp_path):
     now = time.time()
     for k in range(kernel_cache._MOST_FOLDERS + 5):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.numerics.checked_arrays import require_shapes
 from gridfold.numerics.compiled import compile_callback, matrix_view
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
@@ -27,6 +28,10 @@ class DenseSystem:
 
     a: NDArray[np.float64]
     offset: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.offset)
+        require_shapes("a dense system", self, {"a": (n, n), "offset": (n,)})
 
     @property
     def state_names(self) -> tuple[str, ...]:
