@@ -30,16 +30,24 @@ CHANGES = {
     "an entry of an array": ("settings.py", "[1.0, 0.0]", "[4.0, 0.0]"),
     "an option of the compiler": ("law.py", "@njit", "@njit(fastmath=True)"),
     "a number in a file of data": ("number.txt", "0.0", "7.0"),
+    "a member of an enumeration": ("settings.py", "FIRST = 0", "FIRST = 1"),
+    "the function behind a vectorized one": ("law.py", "x - x", "x - 2.0 * x"),
     "the kernel itself": ("kernel.py", "+ 0.0", "+ 9.0"),
 }
 SOURCES = {
     "settings.py": """
+        from enum import IntEnum
         import numpy as np
         GAIN = 2.0
         TABLE = np.array([1.0, 0.0])
+        class Row(IntEnum):
+            FIRST = 0
         """,
     "law.py": """
-        from numba import njit
+        from numba import njit, vectorize
+        @vectorize
+        def nothing(x):
+            return x - x
         SHIFT = 0.0
         @njit
         def law(gain, x):
@@ -51,11 +59,11 @@ SOURCES = {
     "kernel.py": """
         from pathlib import Path
         import pack
-        from law import law
-        from settings import GAIN, TABLE
+        from law import law, nothing
+        from settings import GAIN, TABLE, Row
         READ = float((Path(__file__).parent / "number.txt").read_text())
         def kernel(x):
-            return law(GAIN, x) * pack.inner.SCALE * TABLE[0] + READ + 0.0
+            return law(GAIN, x) * pack.inner.SCALE * TABLE[Row.FIRST] + nothing(x) + READ + 0.0
         """,
 }
 
@@ -112,8 +120,9 @@ def test_a_changed_constant_of_a_helper_gives_the_new_numbers(written, tmp_path)
 def test_a_helper_with_a_cache_of_its_own_gives_the_new_numbers(written, tmp_path):
     """Numba's cache knows the helper's file alone, and serves what it was compiled from."""
     (tmp_path / "law.py").write_text(
-        "from numba import njit\n"
+        "from numba import njit, vectorize\n"
         "from settings import GAIN\n"
+        "nothing = vectorize(lambda x: x - x)\n"
         "@njit('float64(float64, float64)', cache=True)\n"
         "def law(gain, x):\n"
         "    return GAIN * x\n"

@@ -157,12 +157,20 @@ def test_code_that_does_not_give_devices_is_an_error_with_file_and_line(
     assert not left or "defines no" in message
 
 
-def test_an_exit_in_a_function_of_a_device_is_an_error_with_file_and_line(here):
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        ("exit(0)", "asks to end the program"),
+        ("(_ for _ in ()).throw(__import__('typer').Exit(0))", "Exit"),
+        ("1 / 0", "ZeroDivisionError"),
+    ],
+)
+def test_what_a_function_of_a_device_raises_is_an_error_with_file_and_line(here, call, told):
     exciter = here / "my_exciter.py"
     text = exciter.read_text()
-    exciter.write_text(text.replace("    role=", "    check=lambda p: exit(0),\n    role="))
-    line = exciter.read_text().splitlines().index("    check=lambda p: exit(0),") + 1
-    with pytest.raises(gf.OptionError, match=rf"my_exciter\.py:{line}: .*asks to end the program"):
+    exciter.write_text(text.replace("    role=", f"    check=lambda p: {call},\n    role="))
+    line = exciter.read_text().splitlines().index(f"    check=lambda p: {call},") + 1
+    with pytest.raises(gf.OptionError, match=rf"my_exciter\.py:{line}: .*{told}"):
         run(here)
 
 

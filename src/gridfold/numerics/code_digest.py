@@ -74,8 +74,19 @@ class _Digest:
             self._function(item)
         elif isinstance(item, Type):
             self.add("type", str(item))
+        elif isinstance(item, type):
+            self._class(item)
         else:
             self._other(item)
+
+    def _class(self, item: type) -> None:
+        self.add("class", item.__module__, item.__qualname__)
+        if package_name(item.__module__) or _is_installed_module(item.__module__):
+            return
+        for name, value in vars(item).items():
+            if not name.startswith("__"):
+                self.add(name)
+                self.value(value)
 
     def _other(self, item: Any) -> None:
         """What Numba made of a function; of anything else its name."""
@@ -84,8 +95,8 @@ class _Digest:
         if isinstance(item, Dispatcher) and not package_name(item.__module__):
             self.dispatchers.append(item)
         self.value(getattr(item, "targetoptions", None))
-        for name in ("py_func", "_pyfunc", "_defn"):
-            if isinstance(inner := getattr(item, name, None), FunctionType):
+        for name in ("py_func", "_pyfunc", "_defn", "_dispatcher"):
+            if isinstance(inner := getattr(item, name, None), FunctionType | Dispatcher):
                 self.value(inner)
 
     def _function(self, function: FunctionType) -> None:
@@ -133,3 +144,8 @@ class _Digest:
         self.seen[id(item)] = len(self.seen)
         self.kept.append(item)
         return True
+
+
+def _is_installed_module(name: str) -> bool:
+    module = sys.modules.get(name)
+    return module is not None and is_installed(getattr(module, "__file__", None))

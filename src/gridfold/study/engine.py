@@ -25,7 +25,7 @@ from gridfold.study.generate import contingency_from_record
 from gridfold.study.grid_map import grid_map
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
-from gridfold.study.own_devices import code_record, exits_are_errors, require_trust
+from gridfold.study.own_devices import code_record, own_errors_are_told, require_trust
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.solve import Batch, Task
 from gridfold.study.study_file import Study, load_study
@@ -99,7 +99,7 @@ def run_study(
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
     named = read_named(wanted, start)
     require_trust(named.own_code, trust_devices)
-    with exits_are_errors(named.own_code), ExitStack() as stack:
+    with own_errors_are_told(named.own_code), ExitStack() as stack:
         store, todo, offline, prepared = _open(wanted, named, target, resume, count, stack)
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))

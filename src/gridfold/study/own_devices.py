@@ -9,7 +9,7 @@ from typing import Any
 
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.registry import DEVICES
-from gridfold.errors import OptionError
+from gridfold.errors import GridfoldError, OptionError
 from gridfold.numerics.code_files import Code, read_code
 from gridfold.study.own_code import place_in, run_code, told
 
@@ -103,10 +103,17 @@ def load_devices(codes: Sequence[Code]) -> Mapping[str, Device]:
 
 
 @contextmanager
-def exits_are_errors(codes: Sequence[Code]) -> Iterator[None]:
-    """A SystemExit from own code, in whatever it was called for, is an :class:`OptionError`."""
+def own_errors_are_told(codes: Sequence[Code]) -> Iterator[None]:
+    """What own code raises, in whatever it was called for, is an :class:`OptionError` with its line.
+
+    A SystemExit, or what a command takes for one, would else end the program as if all were well.
+    """
     try:
         yield
-    except SystemExit as error:
+    except GridfoldError:
+        raise
+    except (Exception, SystemExit) as error:
         place = next((at for code in codes if (at := place_in(code, error)) != code.path), None)
+        if place is None and not isinstance(error, SystemExit):
+            raise
         raise OptionError(f"{place or 'a device model of the study'}: {told(error)}") from error
