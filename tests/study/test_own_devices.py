@@ -107,16 +107,19 @@ def test_every_file_of_devices_that_cannot_be_read_is_told(tmp_path):
     wrong = device(tmp_path / "wrong.py", "x = 1\nif:\n")
     nested = device(tmp_path / "nested.py", "import broken")
     device(tmp_path / "broken.py", "\n\nx = (")
+    deep = device(tmp_path / "deep.py", f"x = {'-' * 200_000}1")
+    null = device(tmp_path / "null.py", "x\0")
     native = device(tmp_path / "native.py", "import fast")
     suffix = next(s for s in __import__("_imp").extension_suffixes() if "abi3" not in s)
     (tmp_path / f"fast{suffix}").write_bytes(b"\x7fELF")
     with pytest.raises(gf.OptionError) as raised:
-        read_devices([wrong, tmp_path / "gone.py", tmp_path, nested, native])
+        read_devices([wrong, tmp_path / "gone.py", tmp_path, nested, deep, null, native])
     lines = str(raised.value).splitlines()
     for line, start in zip(
         lines,
         (f"{wrong}:2: SyntaxError", f"{tmp_path / 'gone.py'}: there is no", f"{tmp_path}: there is no",
-         f"{tmp_path / 'broken.py'}:3: SyntaxError", f"{native}: it imports {tmp_path / 'fast'}"),
+         f"{tmp_path / 'broken.py'}:3: SyntaxError",
+         f"{deep}:", f"{null}:", f"{native}: it imports {tmp_path / 'fast'}"),
         strict=True,
     ):  # fmt: skip
         assert line.startswith(start)
@@ -126,6 +129,8 @@ def test_every_file_of_devices_that_cannot_be_read_is_told(tmp_path):
     ("text", "message"),
     [
         ("import sys\nsys.exit(0)", r":2: .*asks to end the program \(exit code 0\)"),
+        ("import os\nos._exit(0)", r":2: .*asks to end the program \(exit code 0\)"),
+        ("from posix import _exit\n_exit(0)", r":2: .*asks to end the program"),
         ("raise SystemExit", r":1: .*asks to end the program"),
         ("exit('so long')", r":1: .*asks to end the program"),
         ("import helper", r"helper\.py:2: .*asks to end the program"),

@@ -179,7 +179,8 @@ def show(
             known = ", ".join(store.columns)
             raise OptionError(f"there is no column {unknown[0]!r}; there are: {known}")
         wanted = list(store.columns) if chosen == ["all"] else chosen
-    notes = {key: about[key] for key in ("gridfold", "case", "fingerprint", "study", "settings")}
+    keys = ("gridfold", "sources", "case", "fingerprint", "files", "study", "settings")
+    notes = {key: about[key] for key in keys if key in about}
     if csv is not None:
         write_csv(csv, frame, notes)
     if parquet is not None:

@@ -197,11 +197,13 @@ def _mark(folder: Path) -> None:
 
 
 def _remove_old(root: Path, kept: Path) -> None:
-    """Remove folders that have not been used for long, and the oldest of too many."""
+    """Remove folders that have not been used for long, and the oldest of too many.
+
+    What this process uses is kept.
+    """
     with contextlib.suppress(OSError):
-        ages = {
-            f: time.time() - f.stat().st_mtime for f in root.iterdir() if f != kept and f.is_dir()
-        }
+        others = [f for f in root.iterdir() if f.is_dir() and f not in (kept, root / _BASE)]
+        ages = {folder: time.time() - folder.stat().st_mtime for folder in others}
         youngest_first = sorted(ages, key=lambda folder: ages[folder])
         for place, folder in enumerate(youngest_first, start=2):
             if place > _MOST_FOLDERS or ages[folder] > _DAYS * _DAY:

@@ -257,7 +257,7 @@ def _provenance(about: Mapping[str, Any]) -> list[list[str]]:
     """Pairs of a term and what is said about it."""
     settings, last = about["settings"], about.get("last_run", {})
     pairs = [
-        ["gridfold", about["gridfold"]],
+        ["gridfold", f"{about['gridfold']}, sources {about.get('sources', 'not told')}"],
         ["Case data", f"{about['case']}, fingerprint {about['fingerprint']}"],
         ["Loads", about["study"]["case"]["loads"]],
         ["Study area", f"buses {settings['study_buses']}" if settings["study_buses"] else "none"],
@@ -274,6 +274,8 @@ def _provenance(about: Mapping[str, Any]) -> list[list[str]]:
         bound = settings.get("bound")
         text = f"order {settings['order']}"
         pairs.append(["Reduction", text if bound is None else f"{text}, error bound {bound:.3g}"])
+    if files := about.get("files"):
+        pairs.append(["Files, SHA-256", "; ".join(f"{name} {sha}" for name, sha in files.items())])
     if last:
         pairs += [
             ["Last run ended", last["finished"]],

@@ -7,12 +7,14 @@ names of their own in ``sys.modules``: two states of one file never mix, nor do 
 from __future__ import annotations
 
 import builtins
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import resolve_name
 from threading import RLock
 from types import ModuleType, TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 from gridfold.errors import OptionError
 from gridfold.numerics.code_files import CODE, Code, is_installed, package_name
@@ -39,7 +41,8 @@ def run_code(code: Code) -> ModuleType:
 def _run(code: Code) -> ModuleType:
     before, modules = set(sys.modules), _Modules(code)
     try:
-        module = modules.get(code.files[0].module)
+        with _no_way_out():
+            module = modules.get(code.files[0].module)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -57,10 +60,28 @@ def _run(code: Code) -> ModuleType:
     return module
 
 
+@contextmanager
+def _no_way_out() -> Iterator[None]:
+    """``os._exit`` would end the program in silence; here it raises a SystemExit."""
+
+    def leave(status: int) -> NoReturn:
+        raise SystemExit(status)
+
+    before = os._exit
+    places = (os, sys.modules.get("posix", os))
+    for place in places:
+        vars(place)["_exit"] = leave
+    try:
+        yield
+    finally:
+        for place in places:
+            vars(place)["_exit"] = before
+
+
 def place_in(code: Code, error: BaseException) -> str:
     """File and line of `code` from which an exception came."""
     if isinstance(error, SyntaxError):
-        return f"{error.filename}:{error.lineno}"
+        return f"{error.filename or code.path}:{error.lineno or 1}"
     place, paths = code.path, {file.path for file in code.files}
     trace: TracebackType | None = error.__traceback__
     while trace is not None:
@@ -74,7 +95,8 @@ def told(error: BaseException) -> str:
     """An exception in a line of words."""
     if isinstance(error, SystemExit):
         return f"the code of a device model asks to end the program (exit code {error.code!r})"
-    return f"{type(error).__name__}: {error}"
+    what = error.msg if isinstance(error, SyntaxError) else error
+    return f"{type(error).__name__}: {what}"
 
 
 class _Modules:

@@ -29,9 +29,11 @@ def read_devices(files: Sequence[Path]) -> tuple[Code, ...]:
                 raise OptionError("there is no such Python file")
             found.append(read_code(path.resolve()))
         except SyntaxError as error:
-            faults.append(f"{error.filename or path}:{error.lineno}: {told(error)}")
-        except (OptionError, OSError, ValueError, RecursionError) as error:
+            faults.append(f"{error.filename or path}:{error.lineno or 1}: {told(error)}")
+        except (OptionError, OSError, ValueError) as error:
             faults.append(f"{path}: {error}")
+        except (RecursionError, MemoryError) as error:
+            faults.append(f"{path}: Python cannot read it: {type(error).__name__}")
     if faults:
         raise OptionError("\n".join(faults))
     return tuple(found)
