@@ -271,6 +271,26 @@ def test_results_tell_which_files_they_were_made_from(here):
     assert set(own["files"]) == {"my_exciter", "helpers", "helpers.law", "helpers.ceiling"}
 
 
+def test_a_run_tells_the_code_of_devices_that_are_not_the_packages(here):
+    study = parse_study(STUDY)
+    found = []
+    for limit in ("1.0", "1.0", "2.0"):
+        (here / "helpers" / "ceiling.py").write_text(f"LIMIT = {limit}\n")
+        (here / "my_exciter.py").touch()
+        text = (here / "my_exciter.py").read_text()
+        if "LIMIT *" not in text:
+            (here / "my_exciter.py").write_text(text.replace("= p[KI, i]", "= LIMIT * p[KI, i]"))
+        named = read_named(study, here)
+        model = prepare(engine.do_offline_work(study, named)[0]).model
+        run = gf.simulate(model, [gf.BusFault(1, duration=0.05)], 0.1)
+        found.append(run.metadata())
+    devices = [about["own_devices"]["my_exciter"] for about in found]
+    assert devices[0] != devices[2], "a constant that its law takes from another file"
+    assert devices[0] == devices[1]
+    assert {about["sources"] for about in found} == {package_digest()}
+    assert list(found[0]["own_devices"]) == ["my_exciter"]
+
+
 def test_a_case_that_extends_another_counts_with_all_its_files(here):
     (here / "more").mkdir()
     (here / "more" / "case.toml").write_text('extends = "../two-plants"\n')

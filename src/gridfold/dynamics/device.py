@@ -27,12 +27,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from functools import cache, cached_property
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.numerics.code_digest import code_digest
+from gridfold.numerics.code_files import package_name
 from gridfold.numerics.compiled import compile_callback, invoke, jit
 from gridfold.numerics.unit_matrix import ROLES, UnitMatrix, unit_matrix
 
@@ -192,6 +195,18 @@ class Device:
     def signal_rows(self) -> tuple[str, ...]:
         """Names of the rows of `y`."""
         return self.sources + self.outputs
+
+    @property
+    def own_digest(self) -> str | None:
+        """SHA-256 of the code of a model that is none of the package's, as hexadecimal digits."""
+        functions = (
+            self.source, self.output, self.derivative, self.admittance, self.guess, self.check,
+            self.doubts,
+        )  # fmt: skip
+        written = [function for function in functions if function is not None]
+        if all(package_name(function.__module__) for function in written):
+            return None
+        return sha256(repr([code_digest(function)[0] for function in written]).encode()).hexdigest()
 
 
 @cache
