@@ -92,7 +92,7 @@ def written(tmp_path, monkeypatch):
 
 def place_of(kernel):
     """Folder and key of the code of a kernel."""
-    cache = KernelCache(kernel)
+    cache = KernelCache(kernel, {})
     return cache.cache_path, cache._identity
 
 
@@ -151,7 +151,7 @@ def test_damaged_and_foreign_code_is_compiled_anew(written):
     signature = types.float64(types.float64)
     compile_callback(written(), signature)
     assert compile_callback(written(), signature).cache_hits == 1
-    (file,) = Path(KernelCache(written()).cache_path).glob("kernel.kernel-*")
+    (file,) = Path(KernelCache(written(), {}).cache_path).glob("kernel.kernel-*")
     content = file.read_bytes()
     for damaged in (b"", content[:50], content[:-1], content[:40] + b"x" + content[41:]):
         file.write_bytes(damaged)
@@ -159,10 +159,28 @@ def test_damaged_and_foreign_code_is_compiled_anew(written):
         assert (callback.cache_hits, callback.ctypes(1.0)) == (0, 2.0)
 
 
+def test_one_function_with_other_options_or_other_values_around_it_is_another_one():
+    def scaled(by):
+        def kernel(x):
+            return by * x
+
+        return kernel
+
+    kernels = [jit()(scaled(2.0)), jit()(scaled(3.0)), jit(error_model="numpy")(scaled(2.0))]
+    assert [kernel(10.0) for kernel in kernels] == [20.0, 30.0, 20.0]
+    assert len({KernelCache(k.py_func, k.targetoptions)._identity for k in kernels}) == 3
+    divide = "def divide(x, y):\n    return x / y"
+    names: dict = {}
+    exec(divide, names)
+    assert jit(error_model="numpy")(names["divide"])(1.0, 0.0) == np.inf
+    with pytest.raises(ZeroDivisionError):
+        jit()(names["divide"])(1.0, 0.0)
+
+
 def test_code_is_not_kept_where_a_module_of_the_package_has_changed_since(monkeypatch):
-    assert isinstance(kernel_cache.kernel_cache(jit), KernelCache)
+    assert isinstance(kernel_cache.kernel_cache(jit, {}), KernelCache)
     monkeypatch.setattr(kernel_cache, "_READ_AT", 0)
-    assert not isinstance(kernel_cache.kernel_cache(jit), KernelCache)
+    assert not isinstance(kernel_cache.kernel_cache(jit, {}), KernelCache)
 
 
 def _imports(file: Path) -> set[str]:

@@ -8,7 +8,7 @@ their name alone; the digest of its sources stands for them.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from hashlib import sha256
 from types import CodeType, FunctionType, ModuleType
@@ -23,13 +23,13 @@ from gridfold.numerics.code_files import is_installed, package_name
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...))
 
 
-def code_digest(function: Callable[..., Any]) -> tuple[str, list[Any]]:
-    """SHA-256 of the code of `function` and of every value that it reaches, as hexadecimal digits.
+def code_digest(item: object) -> tuple[str, list[Any]]:
+    """SHA-256 of a value, or of the code of a function, and of all that it reaches.
 
     With it come the functions outside the package that it reaches and that Numba compiles.
     """
     found = _Digest()
-    found.value(function)
+    found.value(item)
     return found.hash.hexdigest(), found.dispatchers
 
 
@@ -130,11 +130,12 @@ class _Digest:
         if package_name(module.__name__) or is_installed(getattr(module, "__file__", None)):
             top = sys.modules.get(module.__name__.partition(".")[0], module)
             self.add(getattr(top, "__version__", ""))
-            return
-        for name in names:
-            if name in vars(module) and vars(module)[name] is not module:
-                self.add(name)
-                self.value(vars(module)[name], names)
+            taken = {k: v for k in names if isinstance(v := vars(module).get(k), _PLAIN)}
+        else:
+            taken = {k: v for k in names if (v := vars(module).get(k, module)) is not module}
+        for name, value in taken.items():
+            self.add(name)
+            self.value(value, names)
 
     def _is_new(self, item: object) -> bool:
         """Whether `item` is met for the first time; else its number is added."""

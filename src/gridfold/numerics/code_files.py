@@ -8,9 +8,9 @@ from __future__ import annotations
 import ast
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import PackageNotFoundError, version
@@ -44,18 +44,26 @@ def is_installed(file: str | Path | None) -> bool:
     return bool(_INSTALLED.intersection(path.resolve().parents))
 
 
-def package_digest(parts: Iterable[str] = ()) -> str:
-    """SHA-256 of the sources of this package, or of some of its `parts`, as hexadecimal digits."""
-    places = [PACKAGE / part for part in parts] or [PACKAGE]
+def package_digest(parts: Collection[str] = ()) -> str:
+    """SHA-256 of the sources of this package, or of some of its `parts`, as hexadecimal digits.
+
+    They are read once in a process.
+    """
     digest = sha256()
-    files = [
-        file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])
-    ]
-    for file in sorted(files):
-        content = file.read_bytes()
-        digest.update(f"{file.relative_to(PACKAGE).as_posix()}\0{len(content)}\0".encode())
-        digest.update(content)
+    for name, content in _sources():
+        if not parts or name.partition("/")[0] in parts:
+            digest.update(f"{name}\0{content}\n".encode())
     return digest.hexdigest()
+
+
+@cache
+def _sources() -> tuple[tuple[str, str], ...]:
+    """Path in the package and SHA-256 of every source."""
+    files = sorted(PACKAGE.rglob("*.py"))
+    return tuple(
+        (file.relative_to(PACKAGE).as_posix(), sha256(file.read_bytes()).hexdigest())
+        for file in files
+    )
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ _OPTIONS: dict[str, Any] = {
 def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
     """Compile `function` for `signature` into a C callback with an ``address``, kept on disk."""
     callback: Any = CFunc(function, sigutils.normalize_signature(signature), {}, _OPTIONS)
-    callback._cache = kernel_cache(function)
+    callback._cache = kernel_cache(function, _OPTIONS)
     callback.compile()
     return callback
 
@@ -42,7 +42,7 @@ def jit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = njit(**options)(function)
-        dispatcher._cache = kernel_cache(function)
+        dispatcher._cache = kernel_cache(function, options)
         return dispatcher
 
     return decorate

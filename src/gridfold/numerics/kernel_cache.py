@@ -19,7 +19,7 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from hashlib import sha256
 from inspect import getsourcefile
@@ -49,6 +49,8 @@ from gridfold.numerics.user_folders import user_folder
 COMPILED_PARTS = ("numerics", "systems", "dynamics", "powerflow", "grid", "errors.py")
 #: Folders that are kept, and days without use after which one is removed.
 _MOST_FOLDERS, _DAYS = 16, 30
+#: Files in a folder behind which nothing more is kept.
+_MOST_FILES = 2000
 _DAY, _HOUR = 86400, 3600
 
 
@@ -64,10 +66,18 @@ _BASE = _label(package_digest(COMPILED_PARTS), *_COMPILER)
 
 
 class KernelCache(_Cache):
-    """The overloads of one function on disk. What cannot be read or written is compiled anew."""
+    """The overloads of one function on disk. What cannot be read or written is compiled anew.
 
-    def __init__(self, function: Callable[..., Any]):
-        self._folder, identity = _place(function)
+    Parameters
+    ----------
+    function : callable
+        The function.
+    options : mapping
+        Options with which it is compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]):
+        self._folder, identity = _place(function, options)
         name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._name, self._identity = name[-80:], identity
 
@@ -95,7 +105,8 @@ class KernelCache(_Cache):
             return
         content = dumps((sig, data._reduce()))
         with contextlib.suppress(OSError):
-            _write(self._file(sig, data.codegen), sha256(content).digest() + content)
+            if _has_room(self._folder):
+                _write(self._file(sig, data.codegen), sha256(content).digest() + content)
 
     def _file(self, sig: Any, codegen: Any) -> Path:
         key = _label(self._name, sig, codegen.magic_tuple(), self._identity)
@@ -111,6 +122,10 @@ class KernelCache(_Cache):
         """Nothing is kept in memory."""
 
 
+def _has_room(folder: Path) -> bool:
+    return not folder.is_dir() or sum(1 for _ in folder.iterdir()) < _MOST_FILES
+
+
 def _write(file: Path, content: bytes) -> None:
     file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=".new-")
@@ -123,11 +138,11 @@ def _write(file: Path, content: bytes) -> None:
         raise
 
 
-def kernel_cache(function: Callable[..., Any]) -> _Cache:
+def kernel_cache(function: Callable[..., Any], options: Mapping[str, Any]) -> _Cache:
     """Where the code of a function is kept; nowhere if its source has changed since it was read."""
     if package_name(function.__module__) and _changed(function.__module__):
         return NullCache()
-    return KernelCache(function)
+    return KernelCache(function, options)
 
 
 def _changed(module: str) -> bool:
@@ -139,16 +154,19 @@ def _changed(module: str) -> bool:
     return max(status.st_mtime_ns, status.st_ctime_ns) > _READ_AT
 
 
-def _place(function: Callable[..., Any]) -> tuple[Path, str]:
+def _place(function: Callable[..., Any], options: Mapping[str, Any]) -> tuple[Path, str]:
     """The folder of a function's code, and what tells it from others of its name besides."""
+    asked, _ = code_digest(options)
     if package_name(function.__module__):
-        return _folder(_BASE), ""
+        code, cells = function.__code__, function.__closure__ or ()
+        closed, _ = code_digest([cell.cell_contents for cell in cells])
+        return _folder(_BASE), _label(code.co_firstlineno, code.co_code, closed, asked)
     reached = _reached(function)
     label = _BASE if reached is None else _label(_BASE, reached.digest, *reached.versions)
     digest, helpers = code_digest(function)
     for helper in helpers:
         _take_over(helper)
-    return _folder(label), digest
+    return _folder(label), _label(digest, asked)
 
 
 def _take_over(helper: Any) -> None:
@@ -156,7 +174,7 @@ def _take_over(helper: Any) -> None:
     if isinstance(helper._cache, FunctionCache) and not is_installed(
         helper.py_func.__code__.co_filename
     ):
-        helper._cache = KernelCache(helper.py_func)
+        helper._cache = KernelCache(helper.py_func, helper.targetoptions)
         if helper.overloads:
             helper.recompile()
 
@@ -168,7 +186,7 @@ def _reached(function: Callable[..., Any]) -> Code | None:
         return code
     try:
         return read_code(Path(getsourcefile(function) or ""))
-    except (OSError, SyntaxError, TypeError, ValueError):
+    except (OSError, SyntaxError, TypeError, ValueError, RecursionError, MemoryError):
         return None
 
 

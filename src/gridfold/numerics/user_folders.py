@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def user_folder(variable: str, beside_home: str) -> Path | None:
-    """The package's folder under a base folder of the XDG specification; None without a home.
+    """The package's folder under a base folder of the XDG specification; None without a home folder.
 
     Parameters
     ----------
@@ -20,6 +20,7 @@ def user_folder(variable: str, beside_home: str) -> Path | None:
     if Path(chosen).is_absolute():
         return Path(chosen) / "gridfold"
     try:
-        return Path.home() / beside_home / "gridfold"
+        home = Path.home()
     except RuntimeError:
         return None
+    return home / beside_home / "gridfold" if home.is_absolute() and home.is_dir() else None
