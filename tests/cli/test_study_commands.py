@@ -178,17 +178,22 @@ def own(here, monkeypatch):
     return here
 
 
+def squeezed(text):
+    """Text without any space: the terminal may break a long path anywhere."""
+    return "".join(text.split())
+
+
 def test_own_code_is_run_once_it_is_trusted_and_told_with_its_hash(command, own):
     digest = hashlib.sha256((own / "own.py").read_bytes()).hexdigest()
     code, _, err = command("run", "own.toml")
     assert code == 2
-    assert f"{own / 'own.py'} sha256 {digest}" in plain(err)
+    assert f"{own / 'own.py'}sha256{digest}" in squeezed(err)
     assert "--trust-devices" in err
     assert not (own / "own.results").exists()
     code, _, err = command("run", "own.toml", "--trust-devices")
     assert code == 0
-    assert f"{own / 'own.py'} sha256 {digest}" in plain(err)
-    assert f"remembered in {own / 'state'}" in plain(err)
+    assert f"{own / 'own.py'}sha256{digest}" in squeezed(err)
+    assert f"rememberedin{own / 'state'}" in squeezed(err)
     code, _, err = command("run", "own.toml", "--out", "again")
     assert (code, "that you trusted before" in err) == (0, True)
     (own / "own.py").write_text(OWN + "# changed\n")
@@ -223,4 +228,4 @@ def test_without_a_folder_for_it_trust_is_not_remembered(command, own, monkeypat
 def test_own_code_that_ends_the_program_is_bad_input(command, own):
     (own / "own.py").write_text("import sys\nsys.exit(0)\n")
     code, _, err = command("run", "own.toml", "--trust-devices")
-    assert (code, "own.py:2: the code of a device model asks to end" in plain(err)) == (2, True)
+    assert (code, "own.py:2:thecodeofadevicemodelaskstoend" in squeezed(err)) == (2, True)
