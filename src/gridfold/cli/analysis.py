@@ -14,6 +14,7 @@ from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
     say_basis,
+    say_doubts,
     say_method,
     say_model,
     speaks_to_people,
@@ -234,6 +235,7 @@ def cct(
         )
         say_basis(basis)
         say_method(method.reason)
+        say_doubts(method.doubts)
         say_model(name, simulator.reason)
 
 

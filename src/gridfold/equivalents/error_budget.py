@@ -14,8 +14,9 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.grid.events import Event
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.numerics.steppers import RungeKutta4, ScipyReference, Stepper
+from gridfold.numerics.steppers import ScipyReference, Stepper
 from gridfold.reduction import Unreduced
+from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
@@ -78,8 +79,8 @@ def error_budget(
         models the lagged coupling (no function linear), linearization (no state truncated, exact
         coupling), truncation (against the same without it), and the model as it is.
     """
-    stepper = RungeKutta4() if stepper is None else stepper
     parts, model = family.parts, family.parts.model
+    stepper = fit_stepper(model, stepper).stepper
     store: ModelStore = {}
     detailed = simulate(model, events, t_end, stepper, store=store)
     fine = simulate(model, events, t_end, ScipyReference(stepper.step), store=store)

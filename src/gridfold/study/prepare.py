@@ -24,7 +24,7 @@ from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
-from gridfold.errors import OptionError
+from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
@@ -147,6 +147,8 @@ def do_offline_work(
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
+    for doubt in method.doubts:
+        warn_caller(doubt, StepWarning)
     settings, reason, family = _chosen(
         study, model, parts, method.stepper, contingencies, workers, earlier
     )
@@ -235,8 +237,8 @@ def _method(
     """The integration rule of all runs; that of the earlier ones if the study goes on."""
     run = study.run
     if earlier is not None:
-        stepper = choose_stepper(model, earlier["method"], earlier["step"]).stepper
-        return Choice(stepper, earlier["method_reason"])
+        chosen = choose_stepper(model, earlier["method"], earlier["step"])
+        return replace(chosen, reason=earlier["method_reason"])
     disturbances = [item.events for item in contingencies]
     criterion = SynchronismCriterion(run.angle_limit_deg)
     return choose_for_many(
