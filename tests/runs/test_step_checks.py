@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import H, POWER_MW, X_GRID, X_LINE, X_MACHINE, one_machine_infinite_bus
+from cases import POWER_MW, X_GRID, X_LINE, X_MACHINE, H, one_machine_infinite_bus
 from row_of_areas import row_of_areas
 
 import gridfold as gf
@@ -83,11 +84,10 @@ def test_every_function_with_a_stepper_is_silent_without_and_warns_of_one_that_i
     parts, reduced, name
 ):
     CALLS[name](parts, reduced)  # warnings are errors here
-    with pytest.warns(gf.StepWarning, match=r"mode -\d+ 1/s in measured_voltage of exdc2"):
-        try:
-            CALLS[name](parts, reduced, stepper=EXPLICIT)
-        except gf.OptionError as error:
-            assert "stable" in str(error)  # what an unstable rule makes of the contingency
+    message = r"mode -\d+ 1/s in measured_voltage of exdc2"
+    # The unstable rule may leave no contingency that is stable.
+    with pytest.warns(gf.StepWarning, match=message), suppress(gf.OptionError):
+        CALLS[name](parts, reduced, stepper=EXPLICIT)
 
 
 def test_sample_swings_take_the_stepper_that_suits(parts):

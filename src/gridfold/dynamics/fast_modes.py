@@ -1,4 +1,4 @@
-"""What is fastest in a model: the modes that bound an explicit step, and the quickest swing of a rotor."""
+"""What is fastest in a model: modes that bound an explicit step, and the quickest swing of a rotor."""
 
 from __future__ import annotations
 

@@ -7,10 +7,10 @@ from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.events import Event
 from gridfold.grid.network_state import NetworkState
 from gridfold.grid.timeline import Stage, build_timeline
-from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.method import Choice, fault_doubt, fit_stepper
 from gridfold.runs.notices import Notice, stage_notices
