@@ -29,7 +29,8 @@ out = Console()
 err = Console(stderr=True)
 
 EXIT_CODES = (
-    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism; "
+    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
+    "speed; "
     "1 anything else, such as non-finite states."
 )
 
@@ -48,6 +49,7 @@ def exit_code(status: Status) -> ExitCode:
     return {
         Status.COMPLETED: ExitCode.COMPLETED,
         Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,
+        Status.OFF_SPEED: ExitCode.LOST_SYNCHRONISM,
     }.get(status, ExitCode.FAILED)
 
 

@@ -168,7 +168,7 @@ class AdaptivePlan:
     ) -> Segment:
         """A segment with its watches, in the coordinates of its system."""
         watches = self.small.watches(model, mode)
-        stops = () if self.criterion is None else (watches.stop(self.criterion),)
+        stops = () if self.criterion is None else watches.stops(self.criterion)
         switches = [
             watches.deviation(limit, inside, steps)
             for limit, inside, steps in (

@@ -92,7 +92,8 @@ def simulate(
         of order 4 with 0.01 s where that is stable, else the trapezoidal rule. One that does not suit
         the model warns (:class:`gridfold.StepWarning`), and the run has a notice of it.
     criterion : SynchronismCriterion or None
-        Ends the run early once a machine has lost synchronism; None lets it go on.
+        Ends the run early once a machine has lost synchronism or its speed is out of range; None lets
+        it go on.
     store : mutable mapping, optional
         Models by network state, shared between runs on the same model.
 
@@ -114,7 +115,7 @@ def simulate(
     method = fit_stepper(model, stepper)
     plan = plan_simulation(model, events, t_end, store)
     segments = [
-        Segment(system, end, stage.label, () if criterion is None else (criterion.watch(system),))
+        Segment(system, end, stage.label, () if criterion is None else criterion.stops(system))
         for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
     ]
     ready = time.perf_counter()

@@ -183,7 +183,7 @@ def prepare(offline: Offline) -> Prepared:
     """
     study = offline.study
     model = _build(study, offline.case, offline.power_flow, offline.devices)
-    criterion = SynchronismCriterion(study.run.angle_limit_deg)
+    criterion = study.run.criterion
     intact = {initial_state(model.case): model}
     parts, family = _family(offline, model)
     small = None
@@ -240,9 +240,8 @@ def _method(
         chosen = choose_stepper(model, earlier["method"], earlier["step"])
         return replace(chosen, reason=earlier["method_reason"])
     disturbances = [item.events for item in contingencies]
-    criterion = SynchronismCriterion(run.angle_limit_deg)
     return choose_for_many(
-        model, disturbances, run.method, run.step, t_end=run.t_end, criterion=criterion
+        model, disturbances, run.method, run.step, t_end=run.t_end, criterion=run.criterion
     )
 
 
@@ -315,7 +314,7 @@ def _calibrated(
         limit_deg=wanted.largest_error_deg,
         what=what,
         column_norm=wanted.column_norm,
-        criterion=SynchronismCriterion(study.run.angle_limit_deg),
+        criterion=study.run.criterion,
         workers=workers,
         coupling=wanted.coupling or BoundaryCoupling.EXACT,
     )
