@@ -95,7 +95,9 @@ def test_watches_fire_at_the_step_at_which_they_do_for_the_stepper(spiral, stops
 @pytest.mark.parametrize("row", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 2 * BLOCK + 1])
 def test_a_watch_fires_anywhere_in_a_block(row):
     clock = ModalSystem(modal_form(np.zeros((1, 1))), np.ones(1))
-    segment = Segment(clock, 10.0, stops=lost([BandWatch(np.eye(1), np.zeros(1), (row - 0.5) * 0.01)]))
+    segment = Segment(
+        clock, 10.0, stops=lost([BandWatch(np.eye(1), np.zeros(1), (row - 0.5) * 0.01)])
+    )
     run = run_segments([segment], np.zeros(1), RungeKutta4(0.01))
     assert run.status is Status.LOST_SYNCHRONISM
     assert run.step_count == row
@@ -103,7 +105,9 @@ def test_a_watch_fires_anywhere_in_a_block(row):
 
 
 def test_the_state_at_the_start_is_not_watched(spiral):
-    run = run_segments([Segment(spiral, 5.0, stops=lost([beyond(2, 2.9999)]))], START, RungeKutta4(STEP))
+    run = run_segments(
+        [Segment(spiral, 5.0, stops=lost([beyond(2, 2.9999)]))], START, RungeKutta4(STEP)
+    )
     assert run.status is Status.COMPLETED
 
 

@@ -153,7 +153,9 @@ def test_a_plan_is_asked_with_time_and_state_at_every_switch():
 def test_a_switch_ends_the_segment_and_a_stop_the_run():
     growth = PowerLaw(1.0, 1.0)
     segments = [
-        Segment(growth, 5.0, stops=(Stop(above(4.0), Status.LOST_SYNCHRONISM),), switches=(above(2.0),)),
+        Segment(
+            growth, 5.0, stops=(Stop(above(4.0), Status.LOST_SYNCHRONISM),), switches=(above(2.0),)
+        ),
         Segment(growth, 5.0, stops=(Stop(above(4.0), Status.LOST_SYNCHRONISM),)),
         Segment(growth, 9.0),
     ]
@@ -165,7 +167,9 @@ def test_a_switch_ends_the_segment_and_a_stop_the_run():
 
 
 def test_where_stop_and_switch_hold_at_the_same_step_the_run_ends():
-    segment = Segment(PowerLaw(1.0, 1.0), 5.0, stops=(Stop(above(2.0), Status.OFF_SPEED),), switches=(above(2.0),))
+    segment = Segment(
+        PowerLaw(1.0, 1.0), 5.0, stops=(Stop(above(2.0), Status.OFF_SPEED),), switches=(above(2.0),)
+    )
     run = run_segments([segment, segment], np.array([1.0]), RungeKutta4(0.01))
     assert run.status is Status.OFF_SPEED
     assert len(run.pieces) == 1

@@ -42,18 +42,16 @@ def in_order(*notices: Notice) -> tuple[Notice, ...]:
     return tuple(sorted(notices, key=lambda notice: notice.time))
 
 
-def _idle_texts(
-    stage: Stage, before: DetailedModel | None, model: DetailedModel
-) -> Iterator[str]:
+def _idle_texts(stage: Stage, before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
     """Actions without effect: on buses without voltage before and after, or on what is so already."""
     index, on = model.case.bus_index, model.equations.islands.energized
     if before is not None:
         on = on | before.equations.islands.energized
     for action in stage.actions:
-        if action.buses and not on[[index[bus] for bus in action.buses]].any():
-            yield f"{action.label}: no effect, {_name(action.buses)} de-energized"
-        elif not action.changed:
+        if not action.changed:
             yield f"{action.label}: no effect, it was so already"
+        elif action.buses and not on[[index[bus] for bus in action.buses]].any():
+            yield f"{action.label}: no effect, {_name(action.buses)} de-energized"
 
 
 def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:

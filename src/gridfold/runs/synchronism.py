@@ -20,17 +20,17 @@ class SynchronismCriterion:
     """When a run ends as unstable; the limits are checked at every time step.
 
     A machine has lost synchronism once its rotor is `limit_deg` away from its island's reference: the
-    centre of inertia of the island's machines, or the infinite bus of the island if it has one. It is off
-    speed once its speed is `speed_limit` away from synchronous speed, which an island can be whose
-    machines are in step with each other.
+    centre of inertia of the island's machines, or the infinite bus of the island if it has one. It is
+    off speed once its speed is `speed_limit` away from synchronous speed. Machines of an island can be
+    that and yet in step with each other.
 
     Parameters
     ----------
     limit_deg : float
         In degrees.
     speed_limit : float
-        In per unit of synchronous speed; overspeed protection trips turbines at 1.1 to 1.12. Infinity lets
-        machines run at any speed.
+        In per unit of synchronous speed; overspeed protection trips turbines at 1.1 to 1.12. Infinity
+        lets machines run at any speed.
     """
 
     limit_deg: float = 180.0
