@@ -171,6 +171,10 @@ def eigenvalues(
     if speaks_to_people(json):
         out.print(mode_table(modes, shown))
         rightmost = modes.rightmost
+        if rightmost is None:
+            out.print("The model has no eigenvalues: no unit of it has a state.")
+            say_basis(basis)
+            return
         text = f"Rightmost eigenvalue apart from the common angle: {rightmost.real:+.6f}"
         out.print(text + (f" ± {abs(rightmost.imag):.6f}j" if rightmost.imag else ""))
         say_basis(basis)

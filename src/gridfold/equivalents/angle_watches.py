@@ -36,11 +36,11 @@ class AngleWatches:
         self._n_states, self._small = model.n_states, small
         self._angles = model.slots("rotor_angle", units)
         self._every = model.slots("rotor_angle", model.machines)
-        self._reference = -1
+        reference = None if family is None else family.reference_unit
+        self._reference = model.slots("rotor_angle", () if reference is None else (reference,))
         self._start = np.zeros(len(units))
         if family is not None:
-            self._reference = int(model.slots("rotor_angle", (family.reference_unit,))[0])
-            self._start = family.origin[self._angles] - family.origin[self._reference]
+            self._start = self._apart(family.origin)
         self._model = model
         self._stops: dict[SynchronismCriterion, tuple[Stop, ...]] = {}
         self._bands: dict[tuple[float, bool, int], Watch] = {}
@@ -51,8 +51,12 @@ class AngleWatches:
 
     def largest_deviation(self, x: NDArray[np.float64]) -> float:
         """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""
-        apart = x[self._angles] - x[self._reference] - self._start
+        apart = self._apart(x) - self._start
         return float(np.rad2deg(np.abs(apart).max(initial=0.0)))
+
+    def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angles from the reference, which stays at 0 where there is none, in rad."""
+        return np.asarray(x[self._angles] - x[self._reference].sum())
 
     def jump(self, x: NDArray[np.float64]) -> float:
         """Largest change of a rotor angle in degrees when the small model takes over at `x`."""

@@ -12,6 +12,7 @@ from gridfold.equivalents.families import ModelFamily, ReducedExternal, reduce_e
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import ScipyReference, Stepper
@@ -80,6 +81,8 @@ def error_budget(
         coupling), truncation (against the same without it), and the model as it is.
     """
     parts, model = family.parts, family.parts.model
+    if not set(parts.study_units) & set(model.machines):
+        raise OptionError("the study area has no machine with a rotor; it has no angles to err in")
     stepper = fit_stepper(model, stepper).stepper
     store: ModelStore = {}
     detailed = simulate(model, events, t_end, stepper, store=store)

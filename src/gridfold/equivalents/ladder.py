@@ -83,7 +83,7 @@ class Ladder:
         return self.areas[0].retained
 
     @property
-    def reference_unit(self) -> UnitKey:
+    def reference_unit(self) -> UnitKey | None:
         """The electrically furthest machine."""
         return self.areas[0].reference_unit
 

@@ -293,7 +293,7 @@ def partition_facts(
         "Kept nonlinear": ", ".join(map(str, kept)) or "none",
         "Linearized": f"{external - len(kept)} machines: {linear} of {per * external} functions, "
         f"or of {per * whole} without partition ({per} a generator)",
-        "Reference machine": str(coupling.reference),
+        "Reference machine": str(coupling.reference or "none, the infinite bus"),
     }
 
 
