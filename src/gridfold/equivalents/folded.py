@@ -239,7 +239,8 @@ def fold(
     Raises
     ------
     OptionError
-        A machine that is to be retained is not external, or no machine with states is left to be linear.
+        A machine that is to be retained is not external, or no machine with states is left to be
+        linear.
     """
     strange = [unit for unit in retained if unit not in set(parts.external_units)]
     if strange:
@@ -252,7 +253,8 @@ def fold(
         raise OptionError("all external machines are retained: none is left to be linear")
     if not parts.states_of(linear):
         raise OptionError(
-            "what is left of the external area to be linear are infinite buses: there is no state to reduce"
+            "what is left of the external area to be linear are infinite buses: there is no state to "
+            "reduce"
         )
     ports = find_ports(parts.model, linear, parts.study_buses)
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
