@@ -101,11 +101,12 @@ def find_fast_modes(
 def _swing_period(jacobian: _Jacobian, layout: Layout) -> float:
     """2 pi / omega, where -omega^2 is the largest eigenvalue by magnitude of angles' accelerations."""
     slots = layout.signal_slots
-    units = [unit for unit, name in slots if name == "rotor_angle" and (unit, "speed") in slots]
+    n = layout.n_states
+    units = [unit for unit in layout.speed_states if slots.get((unit, "rotor_angle"), n) < n]
     if not units:
         return math.inf
     angles = np.array([slots[unit, "rotor_angle"] for unit in units])
-    speeds = np.array([slots[unit, "speed"] for unit in units])
+    speeds = np.array([layout.speed_states[unit] for unit in units])
     torques = jacobian.block(speeds, angles)
     rates = jacobian.partials.states[angles, speeds]
     accelerations = torques * np.asarray(rates)[:, None]

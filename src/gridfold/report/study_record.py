@@ -140,7 +140,7 @@ def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
 
 def _warnings(about: Mapping[str, Any]) -> Record:
     settings = about["settings"]
-    kinds = ("warnings", "data_doubts", "limits_moved", "case_notices")
+    kinds = ("method_doubts", "warnings", "data_doubts", "limits_moved", "case_notices")
     others = [item for kind in kinds for item in settings.get(kind, ())]
     return {
         "validated": settings["validated"],

@@ -52,6 +52,8 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         "Contingencies": f"{len(frame)} of {total} done",
         "Outcome": f"{stable} stable, {len(frame) - stable - failed} not, {failed} failed",
     }
+    if settings.get("method_doubts"):
+        facts["Time step"] = "; ".join(settings["method_doubts"])
     errors = frame["error_rms_deg"].dropna()
     if len(errors):
         worst = float(errors.max())

@@ -133,8 +133,8 @@ def angle_frame(model: DetailedModel) -> AngleFrame:
         here = np.flatnonzero(present == labels[index[unit.bus]])
         if unit not in out:
             fixed[here] = angle
-    slots = model.layout.signal_slots
-    turning = tuple(u for u in units if slots.get((u, "speed"), model.n_states) < model.n_states)
+    speeds = model.layout.speed_states
+    turning = tuple(unit for unit in units if unit in speeds)
     return AngleFrame(
         units,
         model.slots("rotor_angle", units),
@@ -142,7 +142,7 @@ def angle_frame(model: DetailedModel) -> AngleFrame:
         model.inertia(units),
         fixed,
         turning,
-        model.slots("speed", turning),
+        np.array([speeds[unit] for unit in turning], dtype=np.int64),
     )
 
 

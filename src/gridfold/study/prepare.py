@@ -368,6 +368,7 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
         "method": prepared.method.stepper.name,
         "step": prepared.method.stepper.step,
         "method_reason": prepared.method.reason,
+        "method_doubts": list(prepared.method.doubts),
         "study_buses": as_ranges(offline.study_buses),
         "machines": len(prepared.model.machines),
         "states": prepared.model.n_states,
