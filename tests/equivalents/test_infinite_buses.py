@@ -158,3 +158,13 @@ def test_a_grid_of_infinite_buses_alone_runs_and_has_no_modes():
             np.testing.assert_allclose(
                 np.abs(done.trajectory.bus_voltage()), np.abs(run.bus_voltage()), atol=1e-9
             )
+
+
+def test_models_without_states_are_saved_and_looked_for_in_other_topologies(tmp_path):
+    parts = gf.partition(with_infinite([11, 12, 21, 22]), FIRST)
+    gf.save_reduced(tmp_path / "none.npz", gf.reduce(parts), 1.0)
+    family = gf.load_reduced(tmp_path / "none.npz", parts.model).family
+    trip = [gf.MachineTrip(12, "1", 0.1)]
+    for each in (family, gf.whole_system(parts)):
+        done = gf.simulate_adaptive(parts.model, each, gf.SwitchingRule(5.0), trip, 0.5)
+        assert done.trajectory.status is gf.Status.COMPLETED

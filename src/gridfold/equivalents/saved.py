@@ -140,8 +140,8 @@ def _check_case(content: ReducedFile, model: DetailedModel, path: str | Path) ->
     if tuple(names) != model.state_names or x0.shape != model.x0.shape:
         raise CaseFileError("the states are not those of the case", str(path))
     apart = np.abs(x0 - model.x0)
-    worst = int(np.argmax(apart))
-    if not apart[worst] <= SAME_POINT:
+    if not apart.max(initial=0.0) <= SAME_POINT:
+        worst = int(np.argmax(apart))
         raise OptionError(
             f"{path}: the reduced model belongs to another operating point: {names[worst]} is "
             f"{x0[worst]:.6g} there and {model.x0[worst]:.6g} here"
