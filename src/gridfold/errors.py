@@ -21,6 +21,7 @@ What a simulation *finds* (loss of synchronism, non-finite states) is not an exc
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -92,7 +93,7 @@ class StepWarning(GridfoldWarning):
 
 def warn_caller(text: str, category: type[GridfoldWarning]) -> None:
     """Warn, with the line outside the package that called it."""
-    inside, depth, frame = str(Path(__file__).parent), 1, sys._getframe(0)
+    inside, depth, frame = str(Path(__file__).parent) + os.sep, 1, sys._getframe(0)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(inside):
         frame, depth = frame.f_back, depth + 1
     warnings.warn(text, category, stacklevel=depth)
