@@ -598,19 +598,9 @@ EVENTS: tuple[EventSample, ...] = (
         t_end=0.8,
     ),
     EventSample(
-        "trip of an open branch",
-        ("branch-trip branch=2-33 time=1", "branch-trip branch=33-2 time=2"),
-        ("trip of branch 33-2", "open at 2 s"),
-    ),
-    EventSample(
         "fault on an open branch",
         ("branch-trip branch=2-33 time=1", "branch-fault branch=2-33 start=2"),
         ("fault on branch 2-33", "open at 2 s"),
-    ),
-    EventSample(
-        "trip of a machine that is out",
-        ("machine-trip bus=23 id=2 time=1", "machine-trip bus=23 id=2 time=3"),
-        ("machine 23:2", "out already at 3 s"),
     ),
     EventSample(
         "two faults at one bus",

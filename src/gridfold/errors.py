@@ -12,13 +12,20 @@
     ├── NetworkError          the network equations of one network state cannot be solved
     └── OutputError           a result cannot be written
 
+    GridfoldWarning           root of its warnings (Python's ``warnings``)
+    └── StepWarning           a time step is too long for the model or the fault
+
 What a simulation *finds* (loss of synchronism, non-finite states) is not an exception: it is the
 :class:`gridfold.Status` of the result.
 """
 
 from __future__ import annotations
 
+import os
+import sys
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 
 class GridfoldError(Exception):
@@ -74,3 +81,19 @@ class NetworkError(GridfoldError):
 
 class OutputError(GridfoldError):
     """A result cannot be written."""
+
+
+class GridfoldWarning(UserWarning):
+    """Root of every warning of gridfold."""
+
+
+class StepWarning(GridfoldWarning):
+    """A time step is too long for the model or the fault: the result may be wrong."""
+
+
+def warn_caller(text: str, category: type[GridfoldWarning]) -> None:
+    """Warn, with the line outside the package that called it."""
+    inside, depth, frame = str(Path(__file__).parent) + os.sep, 1, sys._getframe(0)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(inside):
+        frame, depth = frame.f_back, depth + 1
+    warnings.warn(text, category, stacklevel=depth)

@@ -237,3 +237,46 @@ def test_installed_command_and_help_work_in_a_process_of_their_own():
         assert name in shown.stdout
     version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip() == f"gridfold {gf.__version__}"
+
+
+def test_a_step_that_is_coarse_or_longer_than_the_fault_is_told_among_the_events(command, tmp_path):
+    arguments = ("npcc", "--fault-bus", 3, "--step", 0.15, "--t-end", 2)
+    code, out, err = command("simulate", *arguments, "--json", tmp_path / "run.json")
+    notices = json.loads((tmp_path / "run.json").read_text())["notices"]
+    assert (code, err) == (0, "")
+    assert ["is coarse" in notices[0]["text"], notices[0]["time"]] == [True, 0.0]
+    assert "longer than the shortest fault of 0.1 s" in notices[1]["text"]
+    assert "coarse" in out
+
+
+@pytest.mark.parametrize("step", ["1e300", "1e-9", "2"])
+def test_a_step_that_makes_no_sense_is_bad_input(command, step):
+    code, _, err = command("simulate", "npcc", "--fault-bus", 3, "--step", step)
+    assert code == 2
+    assert "time step must lie between 1e-06 and 1 s" in " ".join(err.split())
+
+
+def test_an_island_that_runs_away_ends_with_a_code_and_its_figures(command, tmp_path):
+    event = "branch-trip branch=20-26 time=0.1"
+    code, out, _ = command(
+        "simulate", "npcc", "--event", event, "--t-end", 3, "--json", tmp_path / "run.json"
+    )
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert (code, record["status"], record["stable"]) == (3, "off speed", False)
+    assert (record["islands"], record["lost_load_mw"]) == (2, 0.0)
+    assert record["islanded_mw"] == pytest.approx(800.0)
+    assert record["frequency"]["highest_hz"] > 67.0
+    assert "Islands" in out
+    code, _, _ = command(
+        "simulate",
+        "npcc",
+        "--event",
+        event,
+        "--t-end",
+        3,
+        "--speed-limit",
+        1,
+        "--model",
+        "detailed",
+    )
+    assert code == 0

@@ -349,3 +349,30 @@ def test_texas_rides_through_a_fault_with_what_is_supported(command):
     assert facts["status"] == "completed"
     assert len(facts["limits_moved"]) == 29
     assert len(facts["replacements"]) == 11
+
+
+INFINITE_BUSES = """0, 100.0, 33, 0, 1, 60.0
+TWO INFINITE BUSES
+
+1,'A',20.0,3,1,1,1,1.0,0.0
+2,'B',20.0,2,1,1,1,1.0,0.0
+0
+0
+0
+1,'1',50.0,0.0,99.0,-99.0,1.0,0,100.0,0.0,0.2,0,0,1.0,1,100.0,99.0,-99.0
+2,'1',50.0,0.0,99.0,-99.0,1.0,0,100.0,0.0,0.2,0,0,1.0,1,100.0,99.0,-99.0
+0
+1,2,'1',0.0,0.1,0.0
+0
+Q
+"""
+
+
+def test_a_model_without_states_has_no_eigenvalues_and_says_so(command, tmp_path):
+    raw, dyr, record = (tmp_path / name for name in ("two.raw", "two.dyr", "modes.json"))
+    raw.write_text(INFINITE_BUSES)
+    dyr.write_text("1 'GENCLS' '1' 0 0 /\n2 'GENCLS' '1' 0 0 /\n")
+    code, out, _ = command("eigenvalues", raw, dyr, "--json", record)
+    assert code == 0
+    assert "has no eigenvalues" in out
+    assert json.loads(record.read_text())["modes"] == []

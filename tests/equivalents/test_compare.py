@@ -20,7 +20,7 @@ def model() -> gf.DetailedModel:
 @pytest.fixture(scope="module")
 def still(model) -> gf.Trajectory:
     """Four samples at the equilibrium."""
-    return gf.simulate(model, t_end=0.3, stepper=gf.RungeKutta4(0.1))
+    return gf.simulate(model, t_end=0.3, stepper=gf.ScipyReference(0.1))
 
 
 def moved(run: gf.Trajectory, changes: dict[str, list[float]]) -> gf.Trajectory:
@@ -71,9 +71,9 @@ def test_every_state_of_the_machines_asked_for_has_an_error_angles_in_degrees(st
 
 
 def test_runs_with_other_sampling_times_are_not_compared(model, still):
-    longer = gf.simulate(model, t_end=0.4, stepper=gf.RungeKutta4(0.1))
+    longer = gf.simulate(model, t_end=0.4, stepper=gf.ScipyReference(0.1))
     with pytest.raises(OptionError, match=r"4 samples until 0\.3 s .* 5 until 0\.4 s"):
         compare(still, longer)
-    later = gf.simulate(model, t_end=0.6, stepper=gf.RungeKutta4(0.2))
+    later = gf.simulate(model, t_end=0.6, stepper=gf.ScipyReference(0.2))
     with pytest.raises(OptionError, match="cannot be compared"):
         compare(still, later)

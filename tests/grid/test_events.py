@@ -115,6 +115,14 @@ def test_a_branch_that_the_case_has_open_can_be_closed(ring):
     assert closed.branches_out == frozenset()
 
 
+def test_a_branch_that_the_case_has_open_cannot_trip_before_it_is_closed(ring):
+    (change,) = gf.BranchTrip("1-4", time=2.0).changes(ring)
+    with pytest.raises(gf.EventError, match="trip of branch 1-4: it is open at 2 s"):
+        change.apply(initial_state(ring))
+    (closed,) = through(ring, gf.BranchReclose("1-4"))
+    assert change.apply(closed) == initial_state(ring)
+
+
 def test_machine_trip_takes_the_unit_out(ring):
     (state,) = through(ring, gf.MachineTrip(1, "2", time=4.0))
     assert state.units_out == {gf.UnitKey(1, "2")}

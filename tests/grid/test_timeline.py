@@ -3,11 +3,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gridfold as gf
-from gridfold.grid.timeline import build_timeline, initial_state
+from gridfold.grid.timeline import Stage, build_timeline, initial_state
 
 
 def test_without_events_there_is_one_stage(ring):
-    assert build_timeline(ring, [], 1.0) == [(0.0, "start", initial_state(ring))]
+    assert build_timeline(ring, [], 1.0) == [Stage(0.0, "start", initial_state(ring))]
 
 
 def test_initial_state_has_the_branches_out_that_the_case_has(ring):

@@ -59,3 +59,9 @@ def test_the_cheapest_rule_that_is_exact_enough_is_taken(npcc: gf.DetailedModel)
     weak = [(gf.BusFault(bus, resistance=0.5),) for bus in range(36, 36 + PAYS_FROM)]
     assert choose_for_many(npcc, weak, t_end=2.0).stepper.name == "abm4"
     assert choose_for_many(npcc, FAULTS, t_end=5.0).stepper.name == "rk4"
+
+
+def test_a_step_longer_than_one_of_the_faults_is_not_taken(npcc: gf.DetailedModel) -> None:
+    weak = [(gf.BusFault(bus, resistance=0.5),) for bus in range(36, 36 + PAYS_FROM)]
+    brief = (gf.BusFault(3, duration=0.015, resistance=0.5),)
+    assert choose_for_many(npcc, [*weak, brief], t_end=2.0).stepper == gf.RungeKutta4(0.01)

@@ -10,7 +10,7 @@ import pytest
 from cases import one_machine_infinite_bus
 
 import gridfold as gf
-from gridfold.runs.method import Method, choose_stepper, fastest_modes
+from gridfold.runs.method import Method, choose_stepper
 
 AMPLIFIER_TIME = 0.0008
 TWO_AXIS = {
@@ -68,7 +68,7 @@ def test_the_fastest_modes_are_those_of_the_whole_spectrum(npcc, stiff, small):
     for model in (npcc, stiff, small):
         everything = gf.small_signal(model).eigenvalues
         largest = np.sort(np.abs(everything))[::-1]
-        modes = fastest_modes(model)
+        modes = model.fast_modes.modes
         np.testing.assert_allclose(abs(modes[0].eigenvalue), largest[0], rtol=1e-5)
         for mode in modes:
             nearest = np.abs(everything - mode.eigenvalue).min()
@@ -80,7 +80,7 @@ def test_the_fastest_modes_are_those_of_the_whole_spectrum(npcc, stiff, small):
 def test_a_mode_is_at_home_where_its_participation_factor_is_largest(stiff, small):
     for model in (stiff, small):
         analysis = gf.small_signal(model)
-        for mode in fastest_modes(model)[:2]:
+        for mode in model.fast_modes.modes[:2]:
             column = int(np.argmin(np.abs(analysis.eigenvalues - mode.eigenvalue)))
             factor = analysis.participation[model.state_names.index(mode.state), column]
             assert factor > 0.99
@@ -94,7 +94,7 @@ def test_a_fast_transducer_is_not_mistaken_for_the_regulator_behind_it():
     assert values[fastest] == pytest.approx(-1000, rel=1e-2)
     largest = model.state_names[int(np.argmax(np.abs(vectors[:, fastest])))]
     assert largest == "regulator_voltage:1:1"
-    assert fastest_modes(model)[0].state == "measured_voltage:1:1"
+    assert model.fast_modes.modes[0].state == "measured_voltage:1:1"
 
 
 def test_modes_that_nearly_coincide_are_found_as_well():
@@ -103,7 +103,7 @@ def test_modes_that_nearly_coincide_are_found_as_well():
     units = [str(record.key) for record in case.devices]
     model = gf.build_model(changed(case, "ieee_type1", units, {"regulator_time": 0.003}))
     fastest = gf.small_signal(model).eigenvalues
-    for mode in fastest_modes(model):
+    for mode in model.fast_modes.modes:
         assert mode.eigenvalue == pytest.approx(fastest[np.argmax(np.abs(fastest))], rel=1e-4)
         assert mode.eigenvalue.imag == 0
         assert mode.state.startswith("regulator_voltage:")
@@ -111,14 +111,14 @@ def test_modes_that_nearly_coincide_are_found_as_well():
 
 
 def test_the_same_model_gives_the_same_modes_every_time(npcc):
-    assert fastest_modes(npcc) == fastest_modes(npcc)
+    assert npcc.fast_modes.modes == npcc.fast_modes.modes
 
 
 def test_a_model_without_states_gets_the_default():
     case = one_machine_infinite_bus()
     grid = gf.DeviceRecord("infinite_bus", 1, "1", {"reactance": 0.3})
     model = gf.build_model(replace(case, devices=(grid, case.devices[1])))
-    assert fastest_modes(model) == ()
+    assert model.fast_modes.modes == ()
     assert choose_stepper(model).stepper == gf.RungeKutta4()
 
 

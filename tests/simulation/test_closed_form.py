@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from gridfold.numerics.watch import BandWatch
 from gridfold.partition import partition
 from gridfold.simulation import Segment, run_segments
 from gridfold.simulation.run import BLOCK
+from gridfold.simulation.segment import Stop
 from gridfold.systems import System
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.status import Status
@@ -59,6 +61,10 @@ def beyond(state: int, limit: float, inside: bool = False) -> BandWatch:
     return BandWatch(np.eye(3)[[state]], np.zeros(1), limit, inside)
 
 
+def lost(watches: Iterable[BandWatch]) -> tuple[Stop, ...]:
+    return tuple(Stop(watch, Status.LOST_SYNCHRONISM) for watch in watches)
+
+
 @pytest.mark.parametrize(
     ("stops", "switches"),
     [
@@ -73,7 +79,7 @@ def beyond(state: int, limit: float, inside: bool = False) -> BandWatch:
 )
 def test_watches_fire_at_the_step_at_which_they_do_for_the_stepper(spiral, stops, switches):
     def run(system):
-        segments = [Segment(system, 9.9995, "", stops, switches), Segment(system, 10.5)]
+        segments = [Segment(system, 9.9995, "", lost(stops), switches), Segment(system, 10.5)]
         return run_segments(segments, START, RungeKutta4(STEP), start=0.0007)
 
     known, stepped = run(spiral), run(Stepped(spiral))
@@ -89,7 +95,9 @@ def test_watches_fire_at_the_step_at_which_they_do_for_the_stepper(spiral, stops
 @pytest.mark.parametrize("row", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 2 * BLOCK + 1])
 def test_a_watch_fires_anywhere_in_a_block(row):
     clock = ModalSystem(modal_form(np.zeros((1, 1))), np.ones(1))
-    segment = Segment(clock, 10.0, stops=(BandWatch(np.eye(1), np.zeros(1), (row - 0.5) * 0.01),))
+    segment = Segment(
+        clock, 10.0, stops=lost([BandWatch(np.eye(1), np.zeros(1), (row - 0.5) * 0.01)])
+    )
     run = run_segments([segment], np.zeros(1), RungeKutta4(0.01))
     assert run.status is Status.LOST_SYNCHRONISM
     assert run.step_count == row
@@ -97,7 +105,9 @@ def test_a_watch_fires_anywhere_in_a_block(row):
 
 
 def test_the_state_at_the_start_is_not_watched(spiral):
-    run = run_segments([Segment(spiral, 5.0, stops=(beyond(2, 2.9999),))], START, RungeKutta4(STEP))
+    run = run_segments(
+        [Segment(spiral, 5.0, stops=lost([beyond(2, 2.9999)]))], START, RungeKutta4(STEP)
+    )
     assert run.status is Status.COMPLETED
 
 

@@ -11,6 +11,7 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4
 from gridfold.numerics.watch import BandWatch
 from gridfold.simulation import Segment, run_plan, run_segments
+from gridfold.simulation.segment import Stop
 from gridfold.systems import System
 from gridfold.systems.status import Status
 
@@ -152,8 +153,10 @@ def test_a_plan_is_asked_with_time_and_state_at_every_switch():
 def test_a_switch_ends_the_segment_and_a_stop_the_run():
     growth = PowerLaw(1.0, 1.0)
     segments = [
-        Segment(growth, 5.0, stops=(above(4.0),), switches=(above(2.0),)),
-        Segment(growth, 5.0, stops=(above(4.0),)),
+        Segment(
+            growth, 5.0, stops=(Stop(above(4.0), Status.LOST_SYNCHRONISM),), switches=(above(2.0),)
+        ),
+        Segment(growth, 5.0, stops=(Stop(above(4.0), Status.LOST_SYNCHRONISM),)),
         Segment(growth, 9.0),
     ]
     run = run_segments(segments, np.array([1.0]), RungeKutta4(0.01))
@@ -164,9 +167,11 @@ def test_a_switch_ends_the_segment_and_a_stop_the_run():
 
 
 def test_where_stop_and_switch_hold_at_the_same_step_the_run_ends():
-    segment = Segment(PowerLaw(1.0, 1.0), 5.0, stops=(above(2.0),), switches=(above(2.0),))
+    segment = Segment(
+        PowerLaw(1.0, 1.0), 5.0, stops=(Stop(above(2.0), Status.OFF_SPEED),), switches=(above(2.0),)
+    )
     run = run_segments([segment, segment], np.array([1.0]), RungeKutta4(0.01))
-    assert run.status is Status.LOST_SYNCHRONISM
+    assert run.status is Status.OFF_SPEED
     assert len(run.pieces) == 1
 
 

@@ -14,6 +14,7 @@ from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
     say_basis,
+    say_doubts,
     say_method,
     say_model,
     speaks_to_people,
@@ -170,6 +171,10 @@ def eigenvalues(
     if speaks_to_people(json):
         out.print(mode_table(modes, shown))
         rightmost = modes.rightmost
+        if rightmost is None:
+            out.print("The model has no eigenvalues: no unit of it has a state.")
+            say_basis(basis)
+            return
         text = f"Rightmost eigenvalue apart from the common angle: {rightmost.real:+.6f}"
         out.print(text + (f" ± {abs(rightmost.imag):.6f}j" if rightmost.imag else ""))
         say_basis(basis)
@@ -234,6 +239,7 @@ def cct(
         )
         say_basis(basis)
         say_method(method.reason)
+        say_doubts(method.doubts)
         say_model(name, simulator.reason)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import typer
 from threadpoolctl import threadpool_limits
@@ -12,7 +13,7 @@ from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
 from gridfold.cli.option_groups import flat
 from gridfold.cli.reproduce import reproduce
-from gridfold.errors import GridfoldError
+from gridfold.errors import GridfoldError, GridfoldWarning
 from gridfold.version import __version__
 
 app = typer.Typer(
@@ -60,7 +61,9 @@ def _options(
 def main() -> None:
     """Run the command; bad input ends it with a message and exit code 2, without a traceback."""
     try:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with threadpool_limits(limits=1, user_api="blas"), warnings.catch_warnings():
+            # The commands say themselves what there is to say.
+            warnings.simplefilter("ignore", GridfoldWarning)
             app()
     except GridfoldError as error:
         err.print(f"gridfold: error: {error}", style="red", markup=False, highlight=False)

@@ -14,6 +14,7 @@ from gridfold.cli.console import (
     StageBars,
     out,
     say_basis,
+    say_doubts,
     say_method,
     speaks_to_people,
     stage_bars,
@@ -121,6 +122,7 @@ def calibrate(
         _print(result)
         say_basis(basis_of(model))
         say_method(method.reason)
+        say_doubts(method.doubts)
     if any(found.value is None for found in result.thresholds.values()):
         raise typer.Exit(ExitCode.FAILED)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
@@ -29,7 +29,8 @@ out = Console()
 err = Console(stderr=True)
 
 EXIT_CODES = (
-    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism; "
+    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
+    "speed; "
     "1 anything else, such as non-finite states."
 )
 
@@ -48,6 +49,7 @@ def exit_code(status: Status) -> ExitCode:
     return {
         Status.COMPLETED: ExitCode.COMPLETED,
         Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,
+        Status.OFF_SPEED: ExitCode.LOST_SYNCHRONISM,
     }.get(status, ExitCode.FAILED)
 
 
@@ -64,9 +66,15 @@ def speaks_to_people(json_path: str | None) -> bool:
     return json_path != "-"
 
 
-def say_method(reason: str) -> None:
+def say_method(reason: str | None) -> None:
     """Tell which integration rule was chosen, and why."""
     out.print(f"Method {reason}", style="dim", markup=False, highlight=False)
+
+
+def say_doubts(doubts: Sequence[str]) -> None:
+    """Tell what speaks against the time step."""
+    for doubt in doubts:
+        out.print(f"warning: {doubt}", style="yellow", markup=False, highlight=False)
 
 
 def say_model(name: str, reason: str | None) -> None:

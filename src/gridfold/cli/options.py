@@ -186,14 +186,19 @@ class RunOptions:
         run_option(help="Angle from the centre of inertia at which synchronism is lost (deg)."),
     ] = 180.0
 
+    speed_limit: Annotated[
+        float,
+        run_option(help="Distance from synchronous speed at which a machine is off speed (p.u.)."),
+    ] = 0.12
+
     def choose(self, model: DetailedModel) -> Choice:
         """The stepper for `model`, with its own default step if none is given, and why."""
         return choose_stepper(model, self.method, self.step)
 
     @property
     def criterion(self) -> SynchronismCriterion:
-        """When synchronism is lost."""
-        return SynchronismCriterion(self.angle_limit)
+        """When a run ends as unstable."""
+        return SynchronismCriterion(self.angle_limit, self.speed_limit)
 
 
 @dataclass(frozen=True)

@@ -118,6 +118,9 @@ class Disturbance:
                 )
                 return replace(result, detailed=detailed, note=note)
         units = _comparable(detailed, simulator.study_units)
+        if not units:
+            note = "No comparison: no machine of the study area has a rotor."
+            return replace(result, detailed=detailed, note=note)
         return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
 
 

@@ -135,7 +135,7 @@ def _partition_record(parts: Partition, coupling: Coupling, norm: float) -> dict
         "column_norms": [
             {"unit": str(u), "per_unit": float(v), "kept": u in kept} for v, u in norms
         ],
-        "reference": str(coupling.reference),
+        "reference": None if coupling.reference is None else str(coupling.reference),
         "functions": {
             "per_generator": per,
             "external": per * external,

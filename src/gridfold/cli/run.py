@@ -226,6 +226,10 @@ def simulate(
 simulate.__doc__ = _SIMULATE_HELP
 
 
+def _stable(run: Trajectory, summary: Summary) -> bool:
+    return run.status is Status.COMPLETED and not summary.dark
+
+
 def _print_run(run: Trajectory, summary: Summary) -> None:
     basis = basis_of(run.model)
     out.print(swing_table(summary))
@@ -236,14 +240,16 @@ def _print_run(run: Trajectory, summary: Summary) -> None:
 def _run_record(run: Trajectory, summary: Summary, setup_seconds: float) -> dict[str, Any]:
     record = run.metadata()
     record |= {
-        "stable": None if run.criterion is None else run.status is Status.COMPLETED,
+        "stable": None if run.criterion is None else _stable(run, summary),
         "setup_seconds": setup_seconds,
         "simulation_seconds": run.simulation_seconds,
         "states": run.model.n_states,
         "machines": len(run.model.machines),
         "buses": len(run.model.case.buses),
-        "lowest_voltage": asdict(summary.lowest_voltage),
-        "highest_voltage": asdict(summary.highest_voltage),
+        "lowest_voltage": summary.lowest_voltage and asdict(summary.lowest_voltage),
+        "highest_voltage": summary.highest_voltage and asdict(summary.highest_voltage),
+        "frequency": summary.frequency and asdict(summary.frequency),
+        **asdict(summary.cut_off),
         "swings": [asdict(swing) | {"unit": str(swing.unit)} for swing in summary.swings],
     }
     return record

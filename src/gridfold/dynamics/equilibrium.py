@@ -72,7 +72,7 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     before, solve, good = np.inf, None, good_residual(model.power_flow)
     for _ in range(_MAX_ITERATIONS):
         residual = model.compiled(x) - rate * moving
-        size = np.abs(residual).max()
+        size = np.abs(residual).max(initial=0.0)
         if size < good:
             return Equilibrium(x, rate)
         try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,15 @@ class Layout:
     source_units: tuple[UnitKey, ...]
     signal_slots: Mapping[tuple[UnitKey, str], int] = field(repr=False)
     state_names: tuple[str, ...] = field(repr=False)
+
+    @cached_property
+    def speed_states(self) -> dict[UnitKey, int]:
+        """Position of the speed of each unit whose speed is a state."""
+        return {
+            unit: slot
+            for (unit, name), slot in self.signal_slots.items()
+            if name == "speed" and slot < self.n_states
+        }
 
     @property
     def constant_start(self) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
+from gridfold.dynamics.fast_modes import FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
 from gridfold.dynamics.layout import Block, Layout, build_layout
@@ -216,6 +217,11 @@ class DetailedModel:
         voltages = self.signals(x[None, :], self.layout.voltage_slots)[0]
         slopes = self._kernels.slopes(x, voltages)
         return joined_partials(self._kernels.places, slopes, len(self.layout.terminals))
+
+    @cached_property
+    def fast_modes(self) -> FastModes:
+        """The fastest modes and the fastest swing at the equilibrium."""
+        return find_fast_modes(self.partials(self.x0), self.network_response(self.x0), self.layout)
 
     @property
     def _kernels(self) -> UnitKernels:

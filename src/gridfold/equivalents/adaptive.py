@@ -33,8 +33,9 @@ from gridfold.equivalents.switching import Band, SwitchingRule
 from gridfold.grid.events import Event
 from gridfold.grid.timeline import Stage
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.steppers import Stepper
 from gridfold.numerics.watch import Watch
+from gridfold.runs.method import fit_stepper
 from gridfold.runs.notices import Notice, in_order, stage_notices
 from gridfold.runs.simulate import ModelStore, SimulationPlan, plan_simulation
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
@@ -167,7 +168,7 @@ class AdaptivePlan:
     ) -> Segment:
         """A segment with its watches, in the coordinates of its system."""
         watches = self.small.watches(model, mode)
-        stops = () if self.criterion is None else (watches.stop(self.criterion),)
+        stops = () if self.criterion is None else watches.stops(self.criterion)
         switches = [
             watches.deviation(limit, inside, steps)
             for limit, inside, steps in (
@@ -319,14 +320,14 @@ def simulate_adaptive(
     events, t_end, stepper, criterion, store
         As in :func:`gridfold.simulate`.
     """
-    stepper = RungeKutta4() if stepper is None else stepper
+    method = fit_stepper(model, stepper)
     small = family if isinstance(family, SmallModels) else SmallModels(family)
     spent = small.seconds
     began = clock.perf_counter()
     stages = plan_simulation(model, events, t_end, store)
-    plan = AdaptivePlan(stages, small, rule, criterion, stepper.step)
+    plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step)
     ready = clock.perf_counter()
-    run = run_plan(plan, model.x0, stepper)
+    run = run_plan(plan, model.x0, method.stepper)
     notices = plan.notices(run.pieces)
     done = clock.perf_counter()
     reduction = small.seconds - spent
@@ -336,11 +337,14 @@ def simulate_adaptive(
         run=run,
         models=tuple(plan.models),
         events=tuple(events),
-        notices=in_order(*stage_notices(reached, stages.models), *notices),
-        stepper=stepper,
+        notices=in_order(
+            *stages.step_notices(method), *stage_notices(reached, stages.models), *notices
+        ),
+        stepper=method.stepper,
         criterion=criterion,
         t_end=t_end,
         setup_seconds=ready - began,
         simulation_seconds=done - ready - reduction,
+        method_reason=method.reason,
     )
     return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))

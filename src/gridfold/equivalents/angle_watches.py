@@ -1,4 +1,4 @@
-"""Angle deviations and loss of synchronism, watched in the coordinates of a small model."""
+"""Angle deviations, loss of synchronism and speeds, watched in the coordinates of a small model."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from gridfold.equivalents.families import ModelFamily, SmallModel
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.watch import BandWatch, Watch
 from gridfold.runs.synchronism import AngleFrame, SynchronismCriterion, angle_frame
+from gridfold.simulation.segment import Stop
+from gridfold.systems.status import Status
 
 
 class AngleWatches:
@@ -34,13 +36,13 @@ class AngleWatches:
         self._n_states, self._small = model.n_states, small
         self._angles = model.slots("rotor_angle", units)
         self._every = model.slots("rotor_angle", model.machines)
-        self._reference = -1
+        reference = None if family is None else family.reference_unit
+        self._reference = model.slots("rotor_angle", () if reference is None else (reference,))
         self._start = np.zeros(len(units))
         if family is not None:
-            self._reference = int(model.slots("rotor_angle", (family.reference_unit,))[0])
-            self._start = family.origin[self._angles] - family.origin[self._reference]
+            self._start = self._apart(family.origin)
         self._model = model
-        self._stops: dict[SynchronismCriterion, Watch] = {}
+        self._stops: dict[SynchronismCriterion, tuple[Stop, ...]] = {}
         self._bands: dict[tuple[float, bool, int], Watch] = {}
 
     @cached_property
@@ -49,8 +51,12 @@ class AngleWatches:
 
     def largest_deviation(self, x: NDArray[np.float64]) -> float:
         """Largest angle deviation of a study machine at the state `x` (n_states,), in degrees."""
-        apart = x[self._angles] - x[self._reference] - self._start
+        apart = self._apart(x) - self._start
         return float(np.rad2deg(np.abs(apart).max(initial=0.0)))
+
+    def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angles from the reference, which stays at 0 where there is none, in rad."""
+        return np.asarray(x[self._angles] - x[self._reference].sum())
 
     def jump(self, x: NDArray[np.float64]) -> float:
         """Largest change of a rotor angle in degrees when the small model takes over at `x`."""
@@ -60,14 +66,19 @@ class AngleWatches:
         again = coordinates.lift(coordinates.restrict(x))
         return float(np.rad2deg(np.abs((again - x)[self._every]).max(initial=0.0)))
 
-    def stop(self, criterion: SynchronismCriterion) -> Watch:
-        """The watch that ends a run."""
+    def stops(self, criterion: SynchronismCriterion) -> tuple[Stop, ...]:
+        """What ends a run."""
         if criterion not in self._stops:
-            limit = float(np.deg2rad(criterion.limit_deg))
             if self._small is None:
-                self._stops[criterion] = criterion.watch_frame(self._frame)
+                self._stops[criterion] = criterion.stops_of(self._frame)
             else:
-                self._stops[criterion] = self._band(*self._distances(), limit, inside=False)
+                limit = float(np.deg2rad(criterion.limit_deg))
+                apart = self._band(*self._distances(), limit, inside=False)
+                fast = self._band(*self._speeds(), criterion.speed_limit, inside=False)
+                self._stops[criterion] = (
+                    Stop(apart, Status.LOST_SYNCHRONISM),
+                    Stop(fast, Status.OFF_SPEED),
+                )
         return self._stops[criterion]
 
     def deviation(self, limit_deg: float, inside: bool, steps: int = 1) -> Watch:
@@ -98,6 +109,13 @@ class AngleWatches:
             else:
                 offset[members] -= fixed
         return rows, offset
+
+    def _speeds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Speeds less synchronous speed, as rows and offsets over the whole's states."""
+        slots = self._frame.speed_slots
+        rows = np.zeros((len(slots), self._n_states))
+        rows[np.arange(len(slots)), slots] = 1.0
+        return rows, -np.ones(len(slots))
 
     def _band(
         self,

@@ -34,9 +34,10 @@ from gridfold.equivalents.small_models import SmallModels
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
-from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.reduction import Reducer
+from gridfold.runs.method import fit_stepper
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 
 __all__ = [
@@ -200,7 +201,7 @@ def calibrate(
     if set(what) - {ThresholdKind.WHOLE}:
         family = reduce_external(parts, reducer, norm, coupling)
     models = _Models(parts, norms, family)
-    stepper = RungeKutta4() if stepper is None else stepper
+    stepper = fit_stepper(parts.model, stepper).stepper
     threads = workers or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
         runner = ContingencyRunner(parts, t_end, stepper, criterion, pool, threads, on_progress)

@@ -57,12 +57,12 @@ def compare(
     detailed, other : Trajectory
         Runs on the same model with the same events, end and time step.
     units : sequence of UnitKey, optional
-        Machines to compare; all by default.
+        Machines to compare; all by default. Those without a rotor are left out.
 
     Raises
     ------
     OptionError
-        The runs do not share their sampling times.
+        The runs do not share their sampling times, or no unit has a rotor.
     """
     if detailed.times.shape != other.times.shape or not np.allclose(detailed.times, other.times):
         raise OptionError(
@@ -70,7 +70,10 @@ def compare(
             f"{detailed.times[-1]:g} s ({detailed.status.value}), the other {len(other.times)} until "
             f"{other.times[-1]:g} s ({other.status.value})"
         )
-    keys = list(detailed.model.machines) if units is None else list(units)
+    machines = detailed.model.machines
+    keys = list(machines) if units is None else [unit for unit in units if unit in machines]
+    if not keys:
+        raise OptionError("the runs cannot be compared: no unit among those asked for has a rotor")
     absolute = other.rotor_angle_deg(keys) - detailed.rotor_angle_deg(keys)
     coi = AngleReference.CENTRE_OF_INERTIA
     relative = other.rotor_angle_deg(keys, coi) - detailed.rotor_angle_deg(keys, coi)

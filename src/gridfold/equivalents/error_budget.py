@@ -12,10 +12,12 @@ from gridfold.equivalents.families import ModelFamily, ReducedExternal, reduce_e
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.numerics.steppers import RungeKutta4, ScipyReference, Stepper
+from gridfold.numerics.steppers import ScipyReference, Stepper
 from gridfold.reduction import Unreduced
+from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
@@ -78,8 +80,10 @@ def error_budget(
         models the lagged coupling (no function linear), linearization (no state truncated, exact
         coupling), truncation (against the same without it), and the model as it is.
     """
-    stepper = RungeKutta4() if stepper is None else stepper
     parts, model = family.parts, family.parts.model
+    if not set(parts.study_units) & set(model.machines):
+        raise OptionError("the study area has no machine with a rotor; it has no angles to err in")
+    stepper = fit_stepper(model, stepper).stepper
     store: ModelStore = {}
     detailed = simulate(model, events, t_end, stepper, store=store)
     fine = simulate(model, events, t_end, ScipyReference(stepper.step), store=store)

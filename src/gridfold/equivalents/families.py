@@ -87,8 +87,8 @@ class ModelFamily(Protocol):
         """The models that there are, from the most exact to the cheapest."""
 
     @property
-    def reference_unit(self) -> UnitKey:
-        """The machine against which angle deviations are measured."""
+    def reference_unit(self) -> UnitKey | None:
+        """The machine against which angle deviations are measured; None: the infinite bus."""
 
     @property
     def study_units(self) -> tuple[UnitKey, ...]:
@@ -150,7 +150,7 @@ class ReducedExternal:
     at_limits: tuple[str, ...] = ()
 
     @property
-    def reference_unit(self) -> UnitKey:
+    def reference_unit(self) -> UnitKey | None:
         """The electrically furthest machine."""
         return self.coupling.reference
 
@@ -302,7 +302,7 @@ class WholeSystem:
     at_limits: tuple[str, ...] = ()
 
     @property
-    def reference_unit(self) -> UnitKey:
+    def reference_unit(self) -> UnitKey | None:
         """The electrically furthest machine."""
         return self.coupling.reference
 

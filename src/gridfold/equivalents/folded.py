@@ -111,7 +111,7 @@ class FoldedArea:
         return (self.mode,)
 
     @property
-    def reference_unit(self) -> UnitKey:
+    def reference_unit(self) -> UnitKey | None:
         """The electrically furthest machine."""
         return self.coupling.reference
 
@@ -239,7 +239,8 @@ def fold(
     Raises
     ------
     OptionError
-        A machine that is to be retained is not external, or no machine is left to be linear.
+        A machine that is to be retained is not external, or no machine with states is left to be
+        linear.
     """
     strange = [unit for unit in retained if unit not in set(parts.external_units)]
     if strange:
@@ -250,6 +251,11 @@ def fold(
     linear = [unit for unit in parts.external_units if unit not in set(kept)]
     if not linear:
         raise OptionError("all external machines are retained: none is left to be linear")
+    if not parts.states_of(linear):
+        raise OptionError(
+            "what is left of the external area to be linear are infinite buses: there is no state to "
+            "reduce"
+        )
     ports = find_ports(parts.model, linear, parts.study_buses)
     chosen = BalancedTruncation(PORT_TOLERANCE) if reducer is None else reducer
     point = Equilibrium(parts.model.x0, 0.0)

@@ -20,8 +20,9 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.steppers import RungeKutta4, Stepper
+from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
+from gridfold.runs.method import fit_stepper
 from gridfold.simulation.run import run_segments
 from gridfold.simulation.segment import Segment
 from gridfold.systems.descriptor import DescriptorSystem
@@ -82,7 +83,7 @@ class Ladder:
         return self.areas[0].retained
 
     @property
-    def reference_unit(self) -> UnitKey:
+    def reference_unit(self) -> UnitKey | None:
         """The electrically furthest machine."""
         return self.areas[0].reference_unit
 
@@ -113,8 +114,12 @@ class Ladder:
         return replace(self, place=Place(model, point))
 
     def measured(self, stepper: Stepper | None = None) -> Ladder:
-        """The same with what a step of each rung takes on this machine, by Runge-Kutta if not told."""
-        model, rule = self.parts.model, RungeKutta4() if stepper is None else stepper
+        """The same with what a step of each rung takes on this machine.
+
+        By default with the stepper that :func:`gridfold.simulate` takes.
+        """
+        model = self.parts.model
+        rule = fit_stepper(model, stepper).stepper
         models: dict[Mode, tuple[System, NDArray[np.float64]]] = {Mode.DETAILED: (model, model.x0)}
         for rung in self.rungs:
             small = self.build(rung, model)

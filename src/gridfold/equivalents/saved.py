@@ -163,8 +163,8 @@ def _check_point(content: ReducedFile, model: DetailedModel, path: Path) -> None
     if tuple(names) != model.state_names:
         raise CaseFileError("the states are not those of the case", str(path))
     apart = np.abs(x0 - model.x0)
-    worst = int(np.argmax(apart))
-    if not apart[worst] <= SAME_POINT:
+    if not apart.max(initial=0.0) <= SAME_POINT:
+        worst = int(np.argmax(apart))
         raise OptionError(
             f"{path}: the reduced model belongs to another operating point: {names[worst]} is "
             f"{x0[worst]:.6g} there and {model.x0[worst]:.6g} here"

@@ -44,7 +44,8 @@ def sample_swings(
         Study and external area.
     events : sequence of sequences of Event, optional
         One sequence for each sample swing. By default each is a fault of 0.1 s at one of up to four
-        boundary buses of the study area, halved until no machine loses synchronism.
+        boundary buses of the study area, halved until no machine loses synchronism or a time step is
+        reached.
     t_end : float
         End of each swing in seconds.
     stepper : Stepper, optional
@@ -97,7 +98,7 @@ def _boundary_swing(
     fault = BusFault(bus, duration=FAULT_SECONDS)
     run = simulate(parts.model, [fault], t_end, stepper)
     for _ in range(_HALVED):
-        if run.status is not Status.LOST_SYNCHRONISM:
+        if run.status is Status.COMPLETED or fault.duration / 2 < run.stepper.step:
             break
         fault = replace(fault, duration=fault.duration / 2)
         run = simulate(parts.model, [fault], t_end, stepper)

@@ -29,11 +29,16 @@ from gridfold.grid.network_state import BranchFaultPoint, NetworkState
 
 
 class Change(NamedTuple):
-    """One switching action: when, what it is called, and what it does to the network state."""
+    """One switching action: when, what it is called, and what it does to the network state.
+
+    `buses` are those where it acts; if all of them are de-energized it has no effect. What only ends
+    another action names none.
+    """
 
     time: float
     label: str
     apply: Callable[[NetworkState], NetworkState]
+    buses: tuple[int, ...] = ()
 
 
 class Event(Protocol):
@@ -85,7 +90,7 @@ class BusFault:
 
         cleared = f"bus {self.bus} tripped" if self.trip_bus else f"{where} cleared"
         return [
-            Change(self.start, where, put_on),
+            Change(self.start, where, put_on, (self.bus,)),
             Change(self.start + self.duration, cleared, clear),
         ]
 
@@ -151,14 +156,17 @@ class BranchFault:
 
         cleared = f"branch {self.branch} tripped" if self.trip else f"{where} cleared"
         return [
-            Change(self.start, where, put_on),
+            Change(self.start, where, put_on, (branch.from_bus, branch.to_bus)),
             Change(self.start + self.duration, cleared, clear),
         ]
 
 
 @dataclass(frozen=True)
 class BranchTrip:
-    """A branch (``FROM-TO`` or ``FROM-TO:CIRCUIT``) is opened at `time` (s)."""
+    """A branch (``FROM-TO`` or ``FROM-TO:CIRCUIT``) is opened at `time` (s).
+
+    It has no effect on a branch that another event has opened.
+    """
 
     branch: str
     time: float = 0.0
@@ -170,10 +178,13 @@ class BranchTrip:
         position, _ = find_branch(case, self.branch, where)
 
         def apply(state: NetworkState) -> NetworkState:
-            require_closed(state, position, where, self.time)
+            if position in case.branches_out:
+                require_closed(state, position, where, self.time)
             return open_branches(state, frozenset({position}))
 
-        return [Change(self.time, f"branch {self.branch} tripped", apply)]
+        branch = case.branches[position]
+        ends = branch.from_bus, branch.to_bus
+        return [Change(self.time, f"branch {self.branch} tripped", apply, ends)]
 
 
 @dataclass(frozen=True)
@@ -194,12 +205,17 @@ class BranchReclose:
                 raise EventError(f"{where}: it is not open at {self.time:g} s")
             return replace(state, branches_out=state.branches_out - {position})
 
-        return [Change(self.time, f"branch {self.branch} reclosed", apply)]
+        branch = case.branches[position]
+        ends = branch.from_bus, branch.to_bus
+        return [Change(self.time, f"branch {self.branch} reclosed", apply, ends)]
 
 
 @dataclass(frozen=True)
 class MachineTrip:
-    """The unit `id` at `bus` is disconnected at `time` (s); its states are frozen from then on."""
+    """The unit `id` at `bus` is disconnected at `time` (s); its states are frozen from then on.
+
+    It has no effect on a unit that another event has disconnected.
+    """
 
     bus: int
     id: str = "1"
@@ -216,11 +232,9 @@ class MachineTrip:
             raise EventError(f"{where}: no such machine in service (at bus {self.bus}: {known})")
 
         def apply(state: NetworkState) -> NetworkState:
-            if key in state.units_out:
-                raise EventError(f"{where}: it is out already at {self.time:g} s")
             return replace(state, units_out=state.units_out | {key})
 
-        return [Change(self.time, f"machine {key} tripped", apply)]
+        return [Change(self.time, f"machine {key} tripped", apply, (self.bus,))]
 
 
 @dataclass(frozen=True)
@@ -247,10 +261,10 @@ class LoadStep:
         step = (self.bus, complex(self.active_mw, self.reactive_mvar))
 
         def apply(state: NetworkState) -> NetworkState:
-            return replace(state, load_steps=(*state.load_steps, step))
+            return replace(state, load_steps=(*state.load_steps, step)) if step[1] else state
 
         label = f"load at bus {self.bus} {self.active_mw:+g} MW {self.reactive_mvar:+g} Mvar"
-        return [Change(self.time, label, apply)]
+        return [Change(self.time, label, apply, (self.bus,))]
 
 
 #: Name of each kind of event in files and on the command line.

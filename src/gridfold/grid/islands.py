@@ -48,6 +48,18 @@ class Islands:
     labels: NDArray[np.int64]
     energized: NDArray[np.bool_]
 
+    @property
+    def count(self) -> int:
+        """Islands that have a source."""
+        return len(np.unique(self.labels[self.energized]))
+
+    @property
+    def main(self) -> int:
+        """Label of the island with a source that has the most buses; -1 if there is none."""
+        if not self.energized.any():
+            return -1
+        return int(np.bincount(self.labels[self.energized]).argmax())
+
     def members(self, case: Case) -> dict[int, list[int]]:
         """Bus numbers of each island."""
         result: dict[int, list[int]] = {}

@@ -12,12 +12,21 @@ from gridfold.grid.events import Change, Event
 from gridfold.grid.network_state import NetworkState
 
 
+class Action(NamedTuple):
+    """What brought a stage about: its name, the buses where it acts, whether the state changed."""
+
+    label: str
+    buses: tuple[int, ...]
+    changed: bool
+
+
 class Stage(NamedTuple):
     """A network state from `start` (s) on, and what brought it about."""
 
     start: float
     label: str
     state: NetworkState
+    actions: tuple[Action, ...] = ()
 
 
 def initial_state(case: Case) -> NetworkState:
@@ -41,11 +50,12 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
     state = initial_state(case)
     stages = [Stage(0.0, "start", state)]
     for time, together in groupby(changes, key=_instant):
-        labels = []
+        actions = []
         for change in together:
-            state = change.apply(state)
-            labels.append(change.label)
-        stage = Stage(time, ", ".join(labels), state)
+            before, state = state, change.apply(state)
+            actions.append(Action(change.label, change.buses, state != before))
+        label = ", ".join(action.label for action in actions)
+        stage = Stage(time, label, state, tuple(actions))
         if time == 0.0:
             stages[0] = stage
         else:

@@ -98,7 +98,7 @@ class SpreadWatch:
         values = x[self.index]
         size = len(self.reference)
         total = np.bincount(self.group, self.weight, size)
-        mean = np.bincount(self.group, self.weight * values, size) / total
+        mean = np.bincount(self.group, self.weight * values, size) / np.where(total, total, 1.0)
         reference = np.where(np.isnan(self.reference), mean, self.reference)
         return np.asarray(np.abs(values - reference[self.group]))
 

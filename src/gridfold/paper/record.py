@@ -71,7 +71,7 @@ def system_facts(study: CaseStudy) -> SystemFacts:
         nonlinear_functions=per_machine * outside,
         linearized_functions=per_machine * (outside - kept),
         kept_generator_buses=tuple(sorted({unit.bus for unit in external.kept})),
-        reference_generator_bus=external.reference_unit.bus,
+        reference_generator_bus=study.reference_unit.bus,
         order=external.reduction.order,
         hankel_bound=external.reduction.bound,
         column_norm_threshold=study.thresholds.column_norm,

@@ -133,6 +133,14 @@ class CaseStudy:
         """The detailed model of the whole system."""
         return self.parts.model
 
+    @property
+    def reference_unit(self) -> UnitKey:
+        """The machine against which angle deviations are measured."""
+        unit = self.external.reference_unit
+        if unit is None:
+            raise OptionError("the external area has no machine with a rotor")
+        return unit
+
     def detailed(self, events: Sequence[Event]) -> Trajectory:
         """The run that the others are compared with."""
         return simulate(self.model, events, published.T_END, store=self.store)
@@ -299,7 +307,7 @@ def _in_service(study: CaseStudy, run: Trajectory) -> list[UnitKey]:
 
 
 def _deviation(study: CaseStudy, run: Trajectory) -> float:
-    reference = study.external.reference_unit
+    reference = study.reference_unit
     angles = run.rotor_angle_deg(_in_service(study, run), reference)
     return float(np.abs(angles - angles[0]).max())
 

@@ -55,11 +55,14 @@ class Coupling:
         Column norm (13) of each in per unit.
     base_mva : float
         Base power of the per-unit values.
+    rotors : frozenset of UnitKey
+        Those of the machines that have a rotor; an infinite bus has none.
     """
 
     units: tuple[UnitKey, ...]
     norms: NDArray[np.float64]
     base_mva: float
+    rotors: frozenset[UnitKey]
 
     def kept(self, threshold: float) -> tuple[UnitKey, ...]:
         """Machines whose norm is at least `threshold` (p.u.): their functions stay nonlinear."""
@@ -68,9 +71,15 @@ class Coupling:
         return tuple(u for u, norm in zip(self.units, self.norms, strict=True) if norm >= threshold)
 
     @property
-    def reference(self) -> UnitKey:
-        """The machine with the smallest norm: the reference of angle deviations."""
-        return self.units[int(np.argmin(self.norms))]
+    def reference(self) -> UnitKey | None:
+        """The machine with a rotor that has the smallest norm: the reference of angle deviations.
+
+        None where no external machine has a rotor: deviations are then those from the infinite bus,
+        which turns at synchronous speed.
+        """
+        norms = zip(self.norms.tolist(), self.units, strict=True)
+        turning = [(norm, unit) for norm, unit in norms if unit in self.rotors]
+        return min(turning, key=lambda pair: pair[0])[1] if turning else None
 
     def siemens(self, threshold: float) -> float:
         """A threshold in per unit as an admittance in siemens at 20 kV (second equation (19))."""
@@ -85,7 +94,8 @@ def couple(parts: Partition) -> Coupling:
     """Column norms of all external machines."""
     admittance = external_network(parts).tie_admittance
     norms = np.sqrt((np.abs(admittance) ** 2).sum(axis=0))
-    return Coupling(parts.external_units, norms, parts.model.case.base_mva)
+    rotors = frozenset(parts.external_units) & frozenset(parts.model.machines)
+    return Coupling(parts.external_units, norms, parts.model.case.base_mva, rotors)
 
 
 def external_network(parts: Partition, loads: Sequence[int] = ()) -> ExternalNetwork:

@@ -74,7 +74,7 @@ def plot_map(study: CaseStudy, path: Path) -> None:
     inside = [bus.number for bus in case.buses if bus.number in parts.study_buses]
     outside = [bus.number for bus in case.buses if bus.number not in parts.study_buses]
     kept = list(dict.fromkeys(unit.bus for unit in study.external.kept))
-    reference = [study.external.reference_unit.bus]
+    reference = [study.reference_unit.bus]
     groups = (
         ("external bus", outside, ".", "#888888", 4),
         ("study-area bus", inside, "o", PALETTE[0], 5),
@@ -139,7 +139,7 @@ def _shade_modes(axes: Axes, run: AdaptiveRun) -> None:
 
 
 def _largest_deviation(study: CaseStudy, run: Trajectory) -> NDArray[np.float64]:
-    angles = run.rotor_angle_deg(study.parts.study_units, study.external.reference_unit)
+    angles = run.rotor_angle_deg(study.parts.study_units, study.reference_unit)
     largest: NDArray[np.float64] = np.abs(angles - angles[0]).max(axis=1)
     return largest
 

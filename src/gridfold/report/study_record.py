@@ -33,6 +33,7 @@ _MISSING, _LARGEST = -32768, 32000
 #: Finest step of a curve in the page: degrees.
 _FINEST_DEG = 0.01
 _LOST = re.compile(r"lost synchronism: rotor_angle:(\S+) at (\S+) s")
+_OFF_SPEED = re.compile(r"off speed: speed:(\S+) at (\S+) s")
 
 
 def study_record(store: StudyStore, room: int = ROOM) -> Record:
@@ -139,7 +140,7 @@ def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
 
 def _warnings(about: Mapping[str, Any]) -> Record:
     settings = about["settings"]
-    kinds = ("warnings", "data_doubts", "limits_moved", "case_notices")
+    kinds = ("method_doubts", "warnings", "data_doubts", "limits_moved", "case_notices")
     others = [item for kind in kinds for item in settings.get(kind, ())]
     return {
         "validated": settings["validated"],
@@ -186,7 +187,8 @@ def _figure(value: Any) -> Any:
 
 
 def _words(text: str) -> str:
-    return _LOST.sub(r"machine \1 lost synchronism at \2 s", text)
+    text = _LOST.sub(r"machine \1 lost synchronism at \2 s", text)
+    return _OFF_SPEED.sub(r"machine \1 was off speed at \2 s", text)
 
 
 def _all_curves(store: StudyStore, numbers: Sequence[int], room: int) -> Record:

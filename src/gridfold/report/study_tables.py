@@ -26,9 +26,13 @@ _SHOWN: dict[str, tuple[str, int]] = {
     "lowest_voltage": ("lowest\n(p.u.)", 3),
     "lowest_voltage_bus": ("at\nbus", 0),
     "damping_ratio": ("damp-\ning", 3),
+    "islanded_mw": ("cut off\n(MW)", 0),
+    "lost_load_mw": ("lost\n(MW)", 0),
     "critical_clearing_time": ("CCT\n(s)", 2),
     "error_rms_deg": ("error\n(deg)", 2),
 }
+#: Columns that are shown only if one of their values is not 0.
+_SELDOM = ("islanded_mw", "lost_load_mw")
 _FINE = 6
 #: Width to which texts may shrink.
 _NARROW = 10
@@ -48,6 +52,8 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         "Contingencies": f"{len(frame)} of {total} done",
         "Outcome": f"{stable} stable, {len(frame) - stable - failed} not, {failed} failed",
     }
+    if settings.get("method_doubts"):
+        facts["Time step"] = "; ".join(settings["method_doubts"])
     errors = frame["error_rms_deg"].dropna()
     if len(errors):
         worst = float(errors.max())
@@ -99,7 +105,7 @@ def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -
     if columns:
         shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
     else:
-        shown = {name: what for name, what in _SHOWN.items() if frame[name].notna().any()}
+        shown = {name: what for name, what in _SHOWN.items() if _worth_showing(frame, name)}
     more = f"{len(frame) - limit} more rows" if len(frame) > limit else None
     table = Table(caption=more, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rows = frame.head(limit).to_dict("records")
@@ -117,6 +123,13 @@ def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -
     for row in rows:
         table.add_row(*(_cell(row[name], digits) for name, (_, digits) in shown.items()))
     return table
+
+
+def _worth_showing(frame: pd.DataFrame, name: str) -> bool:
+    if name not in frame:
+        return False
+    known = frame[name].dropna()
+    return bool((known != 0).any()) if name in _SELDOM else bool(len(known))
 
 
 def _cell(value: Any, digits: int) -> str:

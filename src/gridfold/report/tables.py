@@ -182,18 +182,40 @@ def model_facts(model: DetailedModel, residual: float) -> dict[str, str]:
 
 def run_facts(run: Trajectory, summary: Summary) -> dict[str, str]:
     """What happened in a run."""
-    low, high = summary.lowest_voltage, summary.highest_voltage
     outcome = f"{run.status.value} at {run.times[-1]:g} s"
     if run.culprit is not None:
         outcome += f", first {run.culprit}"
-    return {
+    facts = {
         "Outcome": outcome,
         "Criterion": "none" if run.criterion is None else f"ends at {run.criterion}",
         "Method": f"{run.stepper.name}, {run.stepper.step:g} s, {run.run.step_count} steps",
-        "Lowest voltage": f"{low.value:.3f} p.u. at bus {low.bus}, {low.at_seconds:g} s",
-        "Highest voltage": f"{high.value:.3f} p.u. at bus {high.bus}, {high.at_seconds:g} s",
+    }
+    for name, found in (
+        ("Lowest voltage", summary.lowest_voltage),
+        ("Highest voltage", summary.highest_voltage),
+    ):
+        if found is not None:
+            facts[name] = f"{found.value:.3f} p.u. at bus {found.bus}, {found.at_seconds:g} s"
+    return facts | {
+        **_island_facts(summary),
         "Time": f"networks {run.setup_seconds:.3f} s, integration {run.simulation_seconds:.3f} s",
     }
+
+
+def _island_facts(summary: Summary) -> dict[str, str]:
+    """Frequencies of all islands, and what was cut off if anything was."""
+    facts, swing, parts = {}, summary.frequency, summary.cut_off
+    if swing is not None:
+        facts["Frequency"] = (
+            f"{swing.lowest_hz:.3f} Hz at {swing.lowest_at:g} s to {swing.highest_hz:.3f} Hz at "
+            f"{swing.highest_at:g} s"
+        )
+    if parts.islands != 1 or parts.lost_load_mw:
+        facts["Islands"] = (
+            f"{parts.islands}, {parts.islanded_mw:.1f} MW of generation outside the largest, "
+            f"{parts.lost_load_mw:.1f} MW of load lost"
+        )
+    return facts
 
 
 def notice_table(run: Trajectory) -> Table:
@@ -271,7 +293,7 @@ def partition_facts(
         "Kept nonlinear": ", ".join(map(str, kept)) or "none",
         "Linearized": f"{external - len(kept)} machines: {linear} of {per * external} functions, "
         f"or of {per * whole} without partition ({per} a generator)",
-        "Reference machine": str(coupling.reference),
+        "Reference machine": str(coupling.reference or "none, the infinite bus"),
     }
 
 

@@ -90,7 +90,7 @@ def critical_clearing_time(
     t_end : float
         End of each run in seconds after the fault starts.
     stepper : Stepper, optional
-        Integration rule; Runge-Kutta of order 4 with 0.01 s by default.
+        Integration rule; by default as in :func:`gridfold.simulate`.
     criterion : SynchronismCriterion
         When synchronism counts as lost.
     simulator : callable

@@ -12,9 +12,9 @@ import numpy as np
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
-from gridfold.grid.events import Event
+from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
-from gridfold.runs.method import Choice, Method, choose_stepper
+from gridfold.runs.method import Choice, Method, choose_stepper, fault_doubt
 from gridfold.runs.simulate import simulate
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import AngleReference, Trajectory
@@ -59,11 +59,11 @@ def choose_for_many(
     count = len(disturbances) if runs is None else runs
     if fixed or not isinstance(choice.stepper, RungeKutta4) or count < PAYS_FROM:
         return choice
-    usual = choice.stepper
+    usual, shortest = choice.stepper, _shortest_fault(disturbances)
     tried = disturbances[:: -(-len(disturbances) // TRIALS)]
     short = [simulate(model, events, t_end, usual, criterion) for events in tried]
     for longer in LONGER:
-        if not _stable(model, longer):
+        if not _suits(model, longer) or fault_doubt(longer, shortest) is not None:
             continue
         error = _error_deg(
             short, [simulate(model, run.events, t_end, longer, criterion) for run in short]
@@ -75,12 +75,20 @@ def choose_for_many(
     return choice
 
 
-def _stable(model: DetailedModel, stepper: Stepper) -> bool:
+def _suits(model: DetailedModel, stepper: Stepper) -> bool:
+    """Whether it is stable, and not too coarse."""
     try:
-        choose_stepper(model, stepper.name, stepper.step)
+        return not choose_stepper(model, stepper.name, stepper.step).doubts
     except OptionError:
         return False
-    return True
+
+
+def _shortest_fault(disturbances: Sequence[Sequence[Event]]) -> float:
+    """Duration in s of the shortest fault of all; infinite where there is none."""
+    events = (event for events in disturbances for event in events)
+    return min(
+        (e.duration for e in events if isinstance(e, BusFault | BranchFault)), default=np.inf
+    )
 
 
 def _error_deg(short: Sequence[Trajectory], longer: Sequence[Trajectory]) -> float:

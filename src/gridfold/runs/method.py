@@ -10,17 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import eig
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
-
-from gridfold.dynamics.jacobian import Partials
+from gridfold.dynamics.fast_modes import Mode
 from gridfold.dynamics.model import DetailedModel
-from gridfold.errors import OptionError
-from gridfold.numerics.blas import one_blas_thread
+from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.numerics.steppers import (
     AdamsBashforthMoulton4,
     ImplicitTrapezoidal,
@@ -28,10 +21,10 @@ from gridfold.numerics.steppers import (
     Stepper,
 )
 
-#: How many of the fastest modes are looked at.
-_COUNT = 6
-#: States below which all eigenvalues are computed, and accuracy and patience of the iteration above.
-_DENSE, _ACCURACY, _RESTARTS = 200, 1e-6, 100
+#: Steps of a run in seconds: others make no sense of rotors that swing with periods of 0.2 to 10 s.
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 1.0
+#: Steps that the fastest swing of a rotor takes at least, if its angle is to be right.
+STEPS_A_SWING = 10
 #: |h lambda| up to which a mode is resolved by the step, whatever it does.
 _RESOLVED = 0.5
 #: Growth beyond that of the mode itself that is put down to rounding.
@@ -48,44 +41,23 @@ class Method(Enum):
 
 
 @dataclass(frozen=True)
-class Mode:
-    """A mode of the linearized model and where it is at home.
+class Choice:
+    """A stepper, why it was chosen, in one sentence, and what speaks against it.
 
-    Parameters
-    ----------
-    eigenvalue : complex
-        In 1/s and rad/s; of a pair the one with the positive imaginary part.
-    state : str
-        ``name:BUS:ID`` of the state with the largest participation factor.
-    device : str
-        The device model that has this state.
+    `reason` is None for a stepper that was given.
     """
 
-    eigenvalue: complex
-    state: str
-    device: str
-
-    @property
-    def value(self) -> str:
-        """The eigenvalue for people."""
-        real, imag = _three_digits(self.eigenvalue.real), _three_digits(self.eigenvalue.imag)
-        return f"{real} 1/s" if self.eigenvalue.imag == 0 else f"{real} ± {imag}j 1/s"
-
-    def __str__(self) -> str:
-        name, _, unit = self.state.partition(":")
-        return f"mode {self.value} in {name} of {self.device} {unit}"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A stepper, and why it was chosen, in one sentence."""
-
     stepper: Stepper
-    reason: str
+    reason: str | None
+    doubts: tuple[str, ...] = ()
 
-    def record(self) -> dict[str, str]:
-        """Both, ready for JSON."""
-        return {"method": self.stepper.name, "method_reason": self.reason}
+    def record(self) -> dict[str, object]:
+        """All of it, ready for JSON."""
+        return {
+            "method": self.stepper.name,
+            "method_reason": self.reason,
+            "method_doubts": list(self.doubts),
+        }
 
 
 def choose_stepper(
@@ -96,43 +68,119 @@ def choose_stepper(
     Parameters
     ----------
     model : DetailedModel
-        The model at its equilibrium, whose fastest modes decide.
+        The model at its equilibrium, whose fastest modes decide. They are looked for once.
     method : Method, or its name
         The integration rule.
     step : float, optional
-        Time step in seconds; by default that of the method, with AUTO that of Runge-Kutta.
+        Time step in seconds, from 1e-6 to 1; by default that of the method, with AUTO that of
+        Runge-Kutta.
 
     Raises
     ------
     OptionError
-        An explicit method that was asked for by name is unstable at this step: names the mode, its
-        device, and the largest step that would do.
+        The step is out of range, or an explicit method that was asked for by name is unstable at it:
+        names the mode, its device, and the largest step that would do.
     """
     try:
         asked = Method(method)
     except ValueError:
         raise OptionError(f"there is no method {method!r}") from None
     if asked is Method.TRAPEZOIDAL:
-        return Choice(_implicit(step), "trapezoidal: as asked for; stable at every step")
+        why = "trapezoidal: as asked for; stable at every step"
+        return _with_doubts(model, _implicit(step), why)
     kind = AdamsBashforthMoulton4 if asked is Method.ABM4 else RungeKutta4
     stepper = kind() if step is None else kind(step)
-    modes = fastest_modes(model)
-    limits = {mode: _largest_step(stepper, mode.eigenvalue) for mode in modes}
-    worst = min(modes, key=limits.__getitem__, default=None)
-    if worst is None:
-        return Choice(stepper, f"{stepper.name}: the model has no states")
-    if limits[worst] == stepper.step:
-        text = f"fastest mode {modes[0].value} ({modes[0].state}) is stable at {stepper.step:g} s"
-        return Choice(stepper, f"{stepper.name}: {text}")
-    blame = f"{stepper.name} at {stepper.step:g} s would be unstable, {worst} needs at most "
-    blame += f"{_rounded_down(limits[worst]):g} s"
+    check_run_step(stepper)
+    blame = _unstable(model, stepper)
+    if blame is None:
+        return _with_doubts(model, stepper, f"{stepper.name}: {_praise(model, stepper)}")
     if asked is Method.AUTO:
-        return Choice(_implicit(stepper.step), f"trapezoidal: {blame}")
+        return _with_doubts(model, _implicit(stepper.step), f"trapezoidal: {blame}")
     raise OptionError(f"{blame}; the implicit method trapezoidal does with any step")
+
+
+def fit_stepper(model: DetailedModel, stepper: Stepper | None) -> Choice:
+    """The stepper of a run: that of :func:`choose_stepper` if none is given.
+
+    Warns with :class:`StepWarning` of one that is unstable or too coarse for the model.
+
+    Raises
+    ------
+    OptionError
+        It is no stepper, or its step is out of range.
+    """
+    if stepper is None:
+        return choose_stepper(model)
+    if not hasattr(stepper, "integrate"):
+        raise OptionError(
+            f"the stepper must be one such as RungeKutta4(step=0.01), not {stepper!r}"
+        )
+    check_run_step(stepper)
+    blame = _unstable(model, stepper)
+    if blame is not None:
+        blame += "; without a stepper one that suits is chosen"
+    found = _with_doubts(model, stepper, None, () if blame is None else (blame,))
+    for doubt in found.doubts:
+        warn_caller(doubt, StepWarning)
+    return found
+
+
+def check_run_step(stepper: Stepper) -> None:
+    """Raise :class:`OptionError` where a step is no step of a run."""
+    if not SHORTEST_STEP <= stepper.step <= LONGEST_STEP:
+        raise OptionError(
+            f"the time step must lie between {SHORTEST_STEP:g} and {LONGEST_STEP:g} s, not "
+            f"{stepper.step:g} s: the default is {RungeKutta4().step:g} s"
+        )
+
+
+def fault_doubt(stepper: Stepper, shortest: float) -> str | None:
+    """What is to be said where a step is longer than the shortest fault of a run, in s."""
+    if not stepper.fixed_step or stepper.step <= shortest * (1 + 1e-9):
+        return None
+    return (
+        f"the time step of {stepper.step:g} s is longer than the shortest fault of {shortest:g} s: "
+        "what happens in it is followed in one step"
+    )
 
 
 def _implicit(step: float | None) -> ImplicitTrapezoidal:
     return ImplicitTrapezoidal() if step is None else ImplicitTrapezoidal(step)
+
+
+def _with_doubts(
+    model: DetailedModel, stepper: Stepper, reason: str | None, doubts: tuple[str, ...] = ()
+) -> Choice:
+    """The choice, with a doubt where a swing is given too few steps."""
+    check_run_step(stepper)
+    period = model.fast_modes.swing_period
+    if stepper.fixed_step and stepper.step > period / STEPS_A_SWING:
+        doubts += (
+            f"{stepper.name} at {stepper.step:g} s is coarse: the fastest swing of a rotor has a "
+            f"period of {_three_digits(period)} s, take at most "
+            f"{_rounded_down(period / STEPS_A_SWING):g} s",
+        )
+    return Choice(stepper, reason, doubts)
+
+
+def _praise(model: DetailedModel, stepper: Stepper) -> str:
+    modes = model.fast_modes.modes
+    if not modes:
+        return "the model has no states"
+    return f"fastest mode {modes[0].value} ({modes[0].state}) is stable at {stepper.step:g} s"
+
+
+def _unstable(model: DetailedModel, stepper: Stepper) -> str | None:
+    """Which mode a stepper makes unstable, and what step would do; None if there is none."""
+    modes = model.fast_modes.modes
+    limits = {mode: _largest_step(stepper, mode.eigenvalue) for mode in modes}
+    worst: Mode | None = min(modes, key=limits.__getitem__, default=None)
+    if worst is None or limits[worst] == stepper.step:
+        return None
+    return (
+        f"{stepper.name} at {stepper.step:g} s would be unstable, {worst} needs at most "
+        f"{_rounded_down(limits[worst]):g} s"
+    )
 
 
 def _stable(stepper: Stepper, z: complex) -> bool:
@@ -160,75 +208,3 @@ def _rounded_down(value: float) -> float:
     """Two digits of a positive number."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.floor(value / unit) * unit
-
-
-@one_blas_thread
-def fastest_modes(model: DetailedModel, count: int = _COUNT) -> tuple[Mode, ...]:
-    """Modes with the largest eigenvalues by magnitude at the equilibrium, the fastest first.
-
-    About `count` of them; a pair of complex eigenvalues is one mode, and so are equal eigenvalues of
-    the same state.
-    """
-    if model.n_states == 0:
-        return ()
-    jacobian = _Jacobian(model.partials(model.x0), model.network_response(model.x0))
-    values, left, right = jacobian.largest(min(count, model.n_states))
-    factors = np.abs(left.conj() * right)
-    homes = np.argmax(np.round(factors / np.maximum(factors.max(axis=0), 1e-300), 3), axis=0)
-    devices = {
-        int(state): block.device.model
-        for block in model.layout.blocks
-        for state in block.state_index.ravel()
-    }
-    modes: dict[tuple[str, str], Mode] = {}
-    for k in np.argsort(-np.abs(values), kind="stable"):
-        real, imag, home = values[k].real, abs(values[k].imag), int(homes[k])
-        # Of eigenvalues that nearly coincide the iteration makes pairs.
-        value = complex(real, imag if imag > 1e-5 * abs(real) else 0.0)
-        mode = Mode(value, model.state_names[home], devices[home])
-        modes.setdefault((f"{mode.eigenvalue:.4g}", mode.state), mode)
-    return tuple(modes.values())
-
-
-_Eigen = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]
-
-
-@dataclass(frozen=True)
-class _Jacobian:
-    """A + B Z C of a detailed model, by its parts."""
-
-    partials: Partials
-    network: NDArray[np.float64]
-
-    @cached_property
-    def operator(self) -> LinearOperator:
-        """Its products, and those of its transpose."""
-        a, b, c = self.partials.states, self.partials.voltages, self.partials.currents
-        z = self.network
-        return LinearOperator(
-            a.shape,
-            matvec=lambda v: a @ v + b @ (z @ (c @ v)),
-            rmatvec=lambda w: a.T @ w + c.T @ (z.T @ (b.T @ w)),
-            dtype=np.float64,
-        )
-
-    def largest(self, count: int) -> _Eigen:
-        """Eigenvalues (k,) of largest magnitude, their left and right eigenvectors (n, k)."""
-        if self.partials.states.shape[0] >= _DENSE:
-            try:
-                return self._iterated(count)
-            except ArpackError:
-                pass
-        values, left, right = eig(self.partials.close(self.network), left=True, right=True)
-        first = np.argsort(-np.abs(values), kind="stable")[:count]
-        return values[first], left[:, first], right[:, first]
-
-    def _iterated(self, count: int) -> _Eigen:
-        """By Arnoldi's method with a fixed start."""
-        start = np.random.default_rng(0).standard_normal(self.operator.shape[0])
-        options = {"k": count, "v0": start, "tol": _ACCURACY, "maxiter": _RESTARTS}
-        values, right = eigs(self.operator, **options)
-        others, vectors = eigs(self.operator.H, **options)
-        # w^T J = lambda w^T; the left eigenvector is the conjugate of w.
-        nearest = np.abs(values[:, None] - others[None, :]).argmin(axis=1)
-        return values, vectors[:, nearest].conj(), right

@@ -22,16 +22,17 @@ class Notice(NamedTuple):
 
 
 def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> tuple[Notice, ...]:
-    """Events, de-energized parts with their lost load, and new islands, in order of time.
+    """Events, those that had no effect, de-energized parts with their lost load, and new islands.
 
-    `models` are those of the stages; further ones are not looked at.
+    They are in order of time. `models` are those of the stages; further ones are not looked at.
     """
     notices: list[Notice] = []
     before: DetailedModel | None = None
     for stage, model in zip(stages, models, strict=False):
         if stage.label != "start":
             notices.append(Notice(stage.start, stage.label))
-        notices += [Notice(stage.start, text) for text in _island_texts(before, model)]
+        texts = (*_idle_texts(stage, before, model), *_island_texts(before, model))
+        notices += [Notice(stage.start, text) for text in texts]
         before = model
     return tuple(notices)
 
@@ -39,6 +40,18 @@ def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> t
 def in_order(*notices: Notice) -> tuple[Notice, ...]:
     """Notices in order of time; those of one time as they come."""
     return tuple(sorted(notices, key=lambda notice: notice.time))
+
+
+def _idle_texts(stage: Stage, before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
+    """Actions without effect: on buses without voltage before and after, or on what is so already."""
+    index, on = model.case.bus_index, model.equations.islands.energized
+    if before is not None:
+        on = on | before.equations.islands.energized
+    for action in stage.actions:
+        if not action.changed:
+            yield f"{action.label}: no effect, it was so already"
+        elif action.buses and not on[[index[bus] for bus in action.buses]].any():
+            yield f"{action.label}: no effect, {_name(action.buses)} de-energized"
 
 
 def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
@@ -56,17 +69,16 @@ def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterato
             bus.number for bus, on in zip(case.buses, old.energized, strict=True) if not on
         }
     islands = now.members(case)
-    largest = max(islands.values(), key=len)
     load = model.power_flow.load_power.real * case.base_mva
     machines = [unit for unit in model.layout.source_units if unit not in model.state.units_out]
-    for buses in islands.values():
+    for label, buses in islands.items():
         energized = bool(now.energized[case.bus_index[buses[0]]])
         if not energized:
             lost = [bus for bus in buses if bus not in dead_before]
             if lost:
                 mw = float(np.sum(load[[case.bus_index[bus] for bus in lost]]))
                 yield f"{_name(lost)} de-energized, {mw:.1f} MW of load lost"
-        elif frozenset(buses) not in known and buses is not largest:
+        elif frozenset(buses) not in known and label != now.main:
             units = ", ".join(str(unit) for unit in machines if unit.bus in set(buses))
             how = "runs on as an island of its own" if len(buses) == 1 else "run on as an island"
             yield f"{_name(buses)} {how} with machines {units}"

@@ -7,12 +7,13 @@ from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.errors import OptionError
+from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.events import Event
 from gridfold.grid.network_state import NetworkState
 from gridfold.grid.timeline import Stage, build_timeline
-from gridfold.numerics.steppers import RungeKutta4, Stepper
-from gridfold.runs.notices import stage_notices
+from gridfold.numerics.steppers import Stepper
+from gridfold.runs.method import Choice, fault_doubt, fit_stepper
+from gridfold.runs.notices import Notice, stage_notices
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import run_segments
@@ -33,6 +34,19 @@ class SimulationPlan:
     def ends(self) -> tuple[float, ...]:
         """End of each stage in seconds."""
         return (*(stage.start for stage in self.stages[1:]), self.t_end)
+
+    def step_notices(self, method: Choice) -> tuple[Notice, ...]:
+        """What speaks against the time step, for this model and for the shortest fault; that warns."""
+        faults = [
+            end - stage.start
+            for stage, end in zip(self.stages, self.ends, strict=True)
+            if stage.state.faulted
+        ]
+        doubt = fault_doubt(method.stepper, min(faults)) if faults else None
+        if doubt is not None:
+            warn_caller(doubt, StepWarning)
+        doubts = method.doubts if doubt is None else (*method.doubts, doubt)
+        return tuple(Notice(0.0, text) for text in doubts)
 
 
 def plan_simulation(
@@ -73,10 +87,13 @@ def simulate(
         What happens; all of them are checked before anything runs.
     t_end : float
         End of the run in seconds.
-    stepper : Stepper
-        Integration rule and time step; Runge-Kutta of order 4 with 0.01 s by default.
+    stepper : Stepper, optional
+        Integration rule and time step. By default that of :func:`gridfold.choose_stepper`: Runge-Kutta
+        of order 4 with 0.01 s where that is stable, else the trapezoidal rule. One that does not suit
+        the model warns (:class:`gridfold.StepWarning`), and the run has a notice of it.
     criterion : SynchronismCriterion or None
-        Ends the run early once a machine has lost synchronism; None lets it go on.
+        Ends the run early once a machine has lost synchronism or its speed is out of range; None lets
+        it go on.
     store : mutable mapping, optional
         Models by network state, shared between runs on the same model.
 
@@ -89,28 +106,34 @@ def simulate(
     ------
     EventError
         An event is malformed or names something that is not in the case.
+    OptionError
+        The time step or the end of the run is out of range.
     NetworkError
         The network of one stage has no solution.
     """
-    stepper = RungeKutta4() if stepper is None else stepper
     began = time.perf_counter()
+    method = fit_stepper(model, stepper)
     plan = plan_simulation(model, events, t_end, store)
     segments = [
-        Segment(system, end, stage.label, () if criterion is None else (criterion.watch(system),))
+        Segment(system, end, stage.label, () if criterion is None else criterion.stops(system))
         for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
     ]
     ready = time.perf_counter()
-    run = run_segments(segments, model.x0, stepper)
+    run = run_segments(segments, model.x0, method.stepper)
     done = time.perf_counter()
     return Trajectory(
         model=model,
         run=run,
         models=plan.models,
         events=tuple(events),
-        notices=stage_notices(plan.stages[: len(run.pieces)], plan.models),
-        stepper=stepper,
+        notices=(
+            *plan.step_notices(method),
+            *stage_notices(plan.stages[: len(run.pieces)], plan.models),
+        ),
+        stepper=method.stepper,
         criterion=criterion,
         t_end=t_end,
         setup_seconds=ready - began,
         simulation_seconds=done - ready,
+        method_reason=method.reason,
     )

@@ -50,9 +50,10 @@ class SmallSignal:
         return np.abs(self.eigenvalues.imag) / (2 * np.pi)
 
     @property
-    def rightmost(self) -> complex:
-        """The rightmost eigenvalue apart from the zero of the common angle."""
-        return complex(self.eigenvalues[~self.common_angle][0])
+    def rightmost(self) -> complex | None:
+        """The rightmost eigenvalue apart from the zero of the common angle; None if there is none."""
+        others = self.eigenvalues[~self.common_angle]
+        return complex(others[0]) if len(others) else None
 
     def dominant_states(self, mode: int, count: int = 3) -> list[tuple[str, float]]:
         """The states with the largest participation in a mode, and their factors."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gridfold.grid.case import UnitKey
+from gridfold.runs.island_figures import CutOff, FrequencyRange, cut_off, frequency_range
 from gridfold.runs.trajectory import AngleReference, Trajectory
 
 
@@ -32,11 +33,30 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Summary:
-    """Swings of the machines, the largest first, and voltage extremes after the last event."""
+    """What happened in a run.
+
+    Parameters
+    ----------
+    swings : tuple of Swing
+        Of the machines, the largest first.
+    lowest_voltage, highest_voltage : Extreme or None
+        Of energized buses after the last event; None where there is none.
+    frequency : FrequencyRange or None
+        Of all islands; None without a machine.
+    cut_off : CutOff
+        Islands, and what they cost.
+    """
 
     swings: tuple[Swing, ...]
-    lowest_voltage: Extreme
-    highest_voltage: Extreme
+    lowest_voltage: Extreme | None
+    highest_voltage: Extreme | None
+    frequency: FrequencyRange | None
+    cut_off: CutOff
+
+    @property
+    def dark(self) -> bool:
+        """Whether nothing was energized any more at the end."""
+        return self.cut_off.islands == 0
 
 
 def summarize(run: Trajectory) -> Summary:
@@ -58,7 +78,7 @@ def summarize(run: Trajectory) -> Summary:
         if not np.isnan(lowest[k])
     ]
     swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
-    return Summary(tuple(swings), *_voltage_extremes(run))
+    return Summary(tuple(swings), *_voltage_extremes(run), frequency_range(run), cut_off(run))
 
 
 def last_event(run: Trajectory) -> float:
@@ -72,10 +92,12 @@ def last_event(run: Trajectory) -> float:
     return last
 
 
-def _voltage_extremes(run: Trajectory) -> tuple[Extreme, Extreme]:
+def _voltage_extremes(run: Trajectory) -> tuple[Extreme | None, Extreme | None]:
     """Lowest and highest voltage of energized buses from the last event on."""
     final = run.models[len(run.run.pieces) - 1]
     on = np.flatnonzero(final.equations.islands.energized)
+    if not len(on):
+        return None, None
     lowest = highest = Extreme(np.nan, 0, 0.0)
     for times, voltages in run.voltage_blocks(last_event(run)):
         voltage = voltages[:, on].T

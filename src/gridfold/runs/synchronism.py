@@ -1,4 +1,4 @@
-"""When a machine counts as having lost synchronism."""
+"""When a machine counts as having lost synchronism, or as being off speed."""
 
 from __future__ import annotations
 
@@ -11,19 +11,36 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.watch import SpreadWatch
+from gridfold.simulation.segment import Stop
+from gridfold.systems.status import Status
 
 
 @dataclass(frozen=True)
 class SynchronismCriterion:
-    """A machine has lost synchronism once its rotor is `limit_deg` away from its island's reference.
+    """When a run ends as unstable; the limits are checked at every time step.
 
-    The reference is the centre of inertia of the island's machines, or the infinite bus of the island
-    if it has one. The limit is checked at every time step.
+    A machine has lost synchronism once its rotor is `limit_deg` away from its island's reference: the
+    centre of inertia of the island's machines, or the infinite bus of the island if it has one. It is
+    off speed once its speed is `speed_limit` away from synchronous speed. Machines of an island can be
+    that and yet in step with each other.
+
+    Parameters
+    ----------
+    limit_deg : float
+        In degrees.
+    speed_limit : float
+        In per unit of synchronous speed; overspeed protection trips turbines at 1.1 to 1.12. Infinity
+        lets machines run at any speed.
     """
 
     limit_deg: float = 180.0
+    speed_limit: float = 0.12
 
     def __post_init__(self) -> None:
+        if not self.speed_limit > 0:
+            raise OptionError(
+                f"the speed limit must be a positive number in p.u., not {self.speed_limit!r}"
+            )
         if not (np.isfinite(self.limit_deg) and self.limit_deg > 0):
             raise OptionError(
                 f"the angle limit must be a positive number of degrees, not {self.limit_deg!r}"
@@ -33,17 +50,26 @@ class SynchronismCriterion:
         return (
             f"a rotor more than {self.limit_deg:g} degrees from the centre of inertia of its island "
             "(from the infinite bus, if there is one)"
+        ) + (
+            f", or a speed more than {self.speed_limit:g} p.u. from synchronous speed"
+            if np.isfinite(self.speed_limit)
+            else ""
         )
 
-    def watch(self, model: DetailedModel) -> SpreadWatch:
-        """The watch for the network state of `model`."""
-        return self.watch_frame(angle_frame(model))
+    def stops(self, model: DetailedModel) -> tuple[Stop, ...]:
+        """What ends a run, for the network state of `model`."""
+        return self.stops_of(angle_frame(model))
 
-    def watch_frame(self, frame: AngleFrame) -> SpreadWatch:
+    def stops_of(self, frame: AngleFrame) -> tuple[Stop, ...]:
         """The same where machines and their references are known."""
-        return SpreadWatch(
+        apart = SpreadWatch(
             frame.slots, frame.island, frame.inertia, frame.fixed, np.deg2rad(self.limit_deg)
         )
+        speeds = frame.speed_slots
+        fast = SpreadWatch(
+            speeds, np.zeros_like(speeds), np.ones(len(speeds)), np.ones(1), self.speed_limit
+        )
+        return Stop(apart, Status.LOST_SYNCHRONISM), Stop(fast, Status.OFF_SPEED)
 
 
 DEFAULT_CRITERION = SynchronismCriterion()
@@ -65,6 +91,10 @@ class AngleFrame:
         Weight of each in its island's centre of inertia.
     fixed : ndarray, shape (n_islands,)
         Angle in rad of an infinite bus in the island; NaN where there is none.
+    speed_units : tuple of UnitKey
+        Those of the machines whose speed is a state.
+    speed_slots : ndarray of int
+        Positions of these speeds in the state vector.
     """
 
     units: tuple[UnitKey, ...]
@@ -72,6 +102,8 @@ class AngleFrame:
     island: NDArray[np.int64]
     inertia: NDArray[np.float64]
     fixed: NDArray[np.float64]
+    speed_units: tuple[UnitKey, ...]
+    speed_slots: NDArray[np.int64]
 
     def references(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Reference angle in rad for each unit along `states`, shape (n_times, n_units)."""
@@ -101,12 +133,16 @@ def angle_frame(model: DetailedModel) -> AngleFrame:
         here = np.flatnonzero(present == labels[index[unit.bus]])
         if unit not in out:
             fixed[here] = angle
+    speeds = model.layout.speed_states
+    turning = tuple(unit for unit in units if unit in speeds)
     return AngleFrame(
         units,
         model.slots("rotor_angle", units),
         island.astype(np.int64),
         model.inertia(units),
         fixed,
+        turning,
+        np.array([speeds[unit] for unit in turning], dtype=np.int64),
     )
 
 

@@ -105,9 +105,11 @@ class Trajectory:
         """``state:BUS:ID`` of what ended the run early, None if it was completed."""
         if self.run.culprit is None:
             return None
+        frame = angle_frame(self.models[len(self.run.pieces) - 1])
         if self.status is Status.LOST_SYNCHRONISM:
-            units = angle_frame(self.models[len(self.run.pieces) - 1]).units
-            return f"rotor_angle:{units[self.run.culprit]}"
+            return f"rotor_angle:{frame.units[self.run.culprit]}"
+        if self.status is Status.OFF_SPEED:
+            return f"speed:{frame.speed_units[self.run.culprit]}"
         return self.run.pieces[-1].segment.system.state_names[self.run.culprit]
 
     @cached_property
@@ -182,6 +184,15 @@ class Trajectory:
                 raise OptionError(f"there is no bus {bus} in case {self.model.case.name}")
         voltages = self._bus_voltages
         return voltages if buses is None else voltages[:, [index[bus] for bus in buses]]
+
+    @property
+    def stages(self) -> Iterator[tuple[slice, DetailedModel]]:
+        """Rows of :attr:`times` and the detailed model of the network there, piece by piece."""
+        start = 0
+        for part in self._parts:
+            rows = slice(start, start + len(part.times))
+            yield rows, part.model
+            start = rows.stop
 
     def voltage_blocks(
         self, start: float
@@ -268,6 +279,7 @@ class Trajectory:
             "method_reason": self.method_reason,
             "criterion": None if self.criterion is None else str(self.criterion),
             "angle_limit_deg": None if self.criterion is None else self.criterion.limit_deg,
+            "speed_limit": None if self.criterion is None else _finite(self.criterion.speed_limit),
             "status": self.status.value,
             "ended_at": float(self.times[-1]),
             "culprit": self.culprit,
@@ -307,12 +319,7 @@ class Trajectory:
     @property
     def _rows_out(self) -> list[tuple[slice, UnitKey]]:
         """Rows in which a unit is out of service."""
-        result, start = [], 0
-        for part in self._parts:
-            rows = slice(start, start + len(part.times))
-            result += [(rows, unit) for unit in part.model.state.units_out]
-            start = rows.stop
-        return result
+        return [(rows, unit) for rows, model in self.stages for unit in model.state.units_out]
 
     def _units(self, units: Sequence[UnitKey | str] | None) -> list[UnitKey]:
         if units is None:
@@ -341,6 +348,11 @@ class _Part(NamedTuple):
 
     def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         return self.piece.states_at(index)[self.rows]
+
+
+def _finite(value: float) -> float | None:
+    """A number ready for JSON."""
+    return value if np.isfinite(value) else None
 
 
 def _columns(

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs
 
 from gridfold.dynamics.descriptor import grid_descriptor
+from gridfold.dynamics.fast_modes import Mode
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.runs.method import Mode
 
 #: Growth (1/s) up to which a mode counts as one of the zeros of angle and speed, found to rounding.
 TOLERANCE = 1e-3

@@ -79,8 +79,9 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
             culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])
             return Run(tuple(pieces), Status.NOT_FINITE, culprit)
         if 0 < result.fired <= len(segment.stops):
-            distances = segment.stops[result.fired - 1].distances(piece.states[-1])
-            return Run(tuple(pieces), Status.LOST_SYNCHRONISM, int(np.argmax(distances)))
+            watch, status = segment.stops[result.fired - 1]
+            distances = watch.distances(piece.states[-1])
+            return Run(tuple(pieces), status, int(np.argmax(distances)))
         time, x = float(piece.times[-1]), segment.lift(piece.states[-1])
     return Run(tuple(pieces), Status.COMPLETED)
 
@@ -97,7 +98,7 @@ def _integrate(
     segment: Segment, times: NDArray[np.float64], x0: NDArray[np.float64], stepper: Stepper
 ) -> Integration | _Formula:
     """States of the segment's system from `x0` along `times`, until a stop or a switch fires."""
-    watches = (*segment.stops, *segment.switches)
+    watches = (*(stop.watch for stop in segment.stops), *segment.switches)
     if has_closed_form(segment.system):
         return _evaluate(segment.system, times, x0, watches)
     return stepper.integrate(segment.system.compiled, times, x0, watches)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeGuard
+from typing import NamedTuple, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.numerics.watch import Watch
 from gridfold.systems.protocol import System
+from gridfold.systems.status import Status
 
 
 class Coordinates(Protocol):
@@ -35,6 +36,13 @@ def _lifts_rows(coordinates: Coordinates | None) -> TypeGuard[LiftsRows]:
     return hasattr(coordinates, "lift_rows")
 
 
+class Stop(NamedTuple):
+    """A condition that ends the whole run, and how the run has ended then."""
+
+    watch: Watch
+    status: Status
+
+
 @dataclass(frozen=True)
 class Segment:
     """One smooth piece of a run.
@@ -47,8 +55,9 @@ class Segment:
         Time at which the segment ends, in seconds.
     label : str
         What characterizes it, for reports ("fault at bus 3").
-    stops : tuple of Watch
-        Conditions on the segment's state that end the whole run.
+    stops : tuple of Stop
+        Conditions on the segment's state that end the whole run; of those that hold at one step the
+        first counts.
     switches : tuple of Watch
         Conditions that end the segment; the plan then says what follows.
     coordinates : Coordinates, optional
@@ -58,7 +67,7 @@ class Segment:
     system: System
     until: float
     label: str = ""
-    stops: tuple[Watch, ...] = ()
+    stops: tuple[Stop, ...] = ()
     switches: tuple[Watch, ...] = ()
     coordinates: Coordinates | None = None
 

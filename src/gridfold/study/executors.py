@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
     BrokenExecutor,
@@ -21,7 +22,7 @@ from importlib import import_module
 from threading import Lock
 from typing import Any
 
-from gridfold.errors import OptionError
+from gridfold.errors import GridfoldWarning, OptionError
 from gridfold.study.prepare import Offline, Prepared, prepare
 from gridfold.study.solve import Batch, Solved, solve_batch
 
@@ -146,6 +147,7 @@ def _begin(offline: Offline) -> None:
     Ctrl-C reaches all processes of a terminal; the one that asked decides what to do.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore", GridfoldWarning)  # the process that asked has warned
     _begun.append(_prepared(offline))
 
 

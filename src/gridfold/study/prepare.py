@@ -24,7 +24,7 @@ from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
-from gridfold.errors import OptionError
+from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import as_ranges, parse_numbers
@@ -152,6 +152,8 @@ def do_offline_work(
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
+    for doubt in method.doubts:
+        warn_caller(doubt, StepWarning)
     settings, reason, family = _chosen(
         study, model, parts, method.stepper, contingencies, workers, earlier
     )
@@ -188,7 +190,7 @@ def prepare(offline: Offline) -> Prepared:
         )
     study = offline.study
     model = _build(study, offline.case, offline.power_flow, offline.devices)
-    criterion = SynchronismCriterion(study.run.angle_limit_deg)
+    criterion = study.run.criterion
     intact = {initial_state(model.case): model}
     parts, family = _family(offline, model)
     small = None
@@ -236,12 +238,11 @@ def _method(
     """The integration rule of all runs; that of the earlier ones if the study goes on."""
     run = study.run
     if earlier is not None:
-        stepper = choose_stepper(model, earlier["method"], earlier["step"]).stepper
-        return Choice(stepper, earlier["method_reason"])
+        chosen = choose_stepper(model, earlier["method"], earlier["step"])
+        return replace(chosen, reason=earlier["method_reason"])
     disturbances = [item.events for item in contingencies]
-    criterion = SynchronismCriterion(run.angle_limit_deg)
     return choose_for_many(
-        model, disturbances, run.method, run.step, t_end=run.t_end, criterion=criterion
+        model, disturbances, run.method, run.step, t_end=run.t_end, criterion=run.criterion
     )
 
 
@@ -314,7 +315,7 @@ def _calibrated(
         limit_deg=wanted.largest_error_deg,
         what=what,
         column_norm=wanted.column_norm,
-        criterion=SynchronismCriterion(study.run.angle_limit_deg),
+        criterion=study.run.criterion,
         workers=workers,
         coupling=wanted.coupling or BoundaryCoupling.EXACT,
     )
@@ -368,6 +369,7 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
         "method": prepared.method.stepper.name,
         "step": prepared.method.stepper.step,
         "method_reason": prepared.method.reason,
+        "method_doubts": list(prepared.method.doubts),
         "study_buses": as_ranges(offline.study_buses),
         "machines": len(prepared.model.machines),
         "states": prepared.model.n_states,

@@ -31,7 +31,8 @@ from gridfold.errors import CaseFileError, OptionError, OutputError
 from gridfold.grid.number_ranges import parse_numbers
 from gridfold.io.results import replacing
 from gridfold.io.tables import read_text, read_toml, suggest
-from gridfold.runs.method import Method
+from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
+from gridfold.runs.synchronism import SynchronismCriterion
 
 Positive = Annotated[float, Field(gt=0, lt=inf)]
 NotNegative = Annotated[float, Field(ge=0, lt=inf)]
@@ -202,11 +203,22 @@ class Run(_Section):
     """How each run is stepped, and when it ends."""
 
     t_end: Positive = Field(default=16.0, description="End of each run (s).")
-    step: Positive | None = Field(default=None, description="Time step (s).")
+    step: Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_STEP)] | None = Field(
+        default=None, description="Time step (s)."
+    )
     method: Method = Field(default=Method.AUTO, description="Integration rule.")
     angle_limit_deg: Positive = Field(
         default=180.0, description="Angle from the centre of inertia at which synchronism is lost."
     )
+    speed_limit: Positive = Field(
+        default=0.12,
+        description="Distance from synchronous speed at which a machine is off speed (p.u.).",
+    )
+
+    @property
+    def criterion(self) -> SynchronismCriterion:
+        """When a run ends as unstable."""
+        return SynchronismCriterion(self.angle_limit_deg, self.speed_limit)
 
 
 class Check(_Section):

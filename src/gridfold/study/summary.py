@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from itertools import repeat
 from typing import Any, get_args, get_type_hints
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.ringdown import ringdown
-from gridfold.runs.summary import last_event, summarize
+from gridfold.runs.island_figures import FrequencyRange
+from gridfold.runs.summary import Extreme, last_event, summarize
 from gridfold.runs.synchronism import angle_frame
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.systems.status import Status
@@ -23,6 +24,7 @@ from gridfold.systems.status import Status
 WALL = "wall_"
 #: Swings smaller than this (degrees) have no damping to speak of.
 _SMALL_SWING_DEG = 0.05
+_DARK = "no machine is left; everything is de-energized"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,15 +34,16 @@ class Figures:
     Parameters
     ----------
     status : str
-        ``completed``, ``lost synchronism``, ``not finite`` or ``failed``.
+        ``completed``, ``lost synchronism``, ``off speed``, ``not finite`` or ``failed``.
     stable : bool
-        Completed; missing if nothing can be said.
+        Completed, with something energized at the end; missing if nothing can be said.
     ended_at : float
         End of the run in seconds; where it was lost, when.
     reason : str
         What ended it early.
     critical_machine : str
-        ``BUS:ID`` of the machine that lost synchronism, else of the one that swung furthest.
+        ``BUS:ID`` of the machine that lost synchronism or was off speed, else of the one that swung
+        furthest.
     largest_swing_deg : float
         How far it swung, against the centre of inertia of its island.
     largest_separation_deg, separation_at : float
@@ -48,9 +51,15 @@ class Figures:
     lowest_voltage, highest_voltage : float
         In p.u., of energized buses after the last event; with bus and time (s).
     nadir_hz, nadir_at : float
-        Lowest frequency of the centre of inertia of all machines in service, and when (s).
+        Lowest frequency of the centre of inertia of any island, and when (s).
     highest_hz : float
         Highest frequency of the same.
+    islands : int
+        Parts of the network that have a machine, at the end of the run.
+    islanded_mw : float
+        Generation before the disturbance of the units outside the island with the most buses, MW.
+    lost_load_mw : float
+        Load before the disturbance at the buses that are de-energized at the end, MW.
     swing_hz, damping_ratio : float
         Of the dominant swing of the critical machine after the last event.
     critical_clearing_time, margin : float
@@ -92,6 +101,9 @@ class Figures:
     nadir_hz: float | None = None
     nadir_at: float | None = None
     highest_hz: float | None = None
+    islands: int | None = None
+    islanded_mw: float | None = None
+    lost_load_mw: float | None = None
     swing_hz: float | None = None
     damping_ratio: float | None = None
     critical_clearing_time: float | None = None
@@ -134,24 +146,19 @@ def trajectory_figures(run: Trajectory) -> dict[str, Any]:
     """The figures that follow from the trajectory of a run."""
     summary = summarize(run)
     critical, swing = _critical(run, summary.swings)
-    low, high = summary.lowest_voltage, summary.highest_voltage
     result: dict[str, Any] = {
         "status": _name(run.status),
-        "stable": run.status is Status.COMPLETED,
+        "stable": run.status is Status.COMPLETED and not summary.dark,
         "ended_at": float(run.times[-1]),
-        "reason": _reason(run),
+        "reason": _DARK if summary.dark else _reason(run),
         "critical_machine": None if critical is None else str(critical),
         "largest_swing_deg": swing,
-        "lowest_voltage": low.value,
-        "lowest_voltage_bus": low.bus,
-        "lowest_voltage_at": low.at_seconds,
-        "highest_voltage": high.value,
-        "highest_voltage_bus": high.bus,
-        "highest_voltage_at": high.at_seconds,
         "steps": run.run.step_count,
         "notices": json.dumps([[round(n.time, 6), n.text] for n in run.notices]),
     }
-    result |= _separation(run) | _frequency(run)
+    result |= asdict(summary.cut_off) | _separation(run) | _frequency(summary.frequency)
+    result |= _voltage("lowest_voltage", summary.lowest_voltage)
+    result |= _voltage("highest_voltage", summary.highest_voltage)
     if critical is not None and run.status is Status.COMPLETED:
         result |= _damping(run, critical)
     return result
@@ -173,7 +180,7 @@ def time_per_model(run: Trajectory, modes: Sequence[Mode] = ()) -> dict[str, flo
 
 
 def _critical(run: Trajectory, swings: Any) -> tuple[UnitKey | None, float | None]:
-    if run.status is Status.LOST_SYNCHRONISM and run.culprit is not None:
+    if run.status in (Status.LOST_SYNCHRONISM, Status.OFF_SPEED) and run.culprit is not None:
         name = run.culprit.partition(":")[2]
         for swing in swings:
             if str(swing.unit) == name:
@@ -196,11 +203,7 @@ def _separation(run: Trajectory) -> dict[str, float]:
     largest, at = 0.0, 0.0
     angles = run.rotor_angle_deg()
     column = {unit: k for k, unit in enumerate(run.model.machines)}
-    start = 0
-    for piece, model in zip(run.run.pieces, run.models, strict=False):
-        rows = slice(start, start + len(piece.times) - 1)
-        rows = slice(start, None) if piece is run.run.pieces[-1] else rows
-        start += len(piece.times) - 1
+    for rows, model in run.stages:
         frame = angle_frame(model)
         for island in range(len(frame.fixed)):
             units = [u for u, k in zip(frame.units, frame.island, strict=True) if k == island]
@@ -214,22 +217,20 @@ def _separation(run: Trajectory) -> dict[str, float]:
     return {"largest_separation_deg": largest, "separation_at": at}
 
 
-def _frequency(run: Trajectory) -> dict[str, float]:
-    """Extremes of the frequency of the centre of inertia of the machines in service."""
-    machines = run.model.machines
-    if not machines:
+def _frequency(found: FrequencyRange | None) -> dict[str, float]:
+    if found is None:
         return {}
-    speed = run.signal("speed")
-    weights = np.where(np.isnan(speed), 0.0, run.model.inertia(machines))
-    hertz = run.model.case.frequency_hz * (
-        np.sum(np.nan_to_num(speed) * weights, axis=1) / weights.sum(axis=1)
-    )
-    row = int(np.argmin(hertz))
     return {
-        "nadir_hz": float(hertz[row]),
-        "nadir_at": float(run.times[row]),
-        "highest_hz": float(hertz.max()),
+        "nadir_hz": found.lowest_hz,
+        "nadir_at": found.lowest_at,
+        "highest_hz": found.highest_hz,
     }
+
+
+def _voltage(name: str, found: Extreme | None) -> dict[str, Any]:
+    if found is None:
+        return {}
+    return {name: found.value, f"{name}_bus": found.bus, f"{name}_at": found.at_seconds}
 
 
 def _damping(run: Trajectory, unit: UnitKey) -> dict[str, float | None]:

@@ -10,6 +10,7 @@ class Status(Enum):
 
     COMPLETED = "completed"
     LOST_SYNCHRONISM = "lost synchronism"
+    OFF_SPEED = "off speed"
     NOT_FINITE = "not finite"
 
     @property
@@ -20,10 +21,15 @@ class Status(Enum):
 
 _ADVICE = {
     Status.COMPLETED: (
-        "The run reached its end time, and no machine left synchronism if that was watched."
+        "The run reached its end time, and no machine left synchronism or its range of speeds if that "
+        "was watched."
     ),
     Status.LOST_SYNCHRONISM: (
         "A rotor angle left the band of the synchronism criterion; the run was ended there."
+    ),
+    Status.OFF_SPEED: (
+        "A rotor left the range of speeds of the criterion, as a part of the grid does that runs away "
+        "or falls behind on its own; the run was ended there."
     ),
     Status.NOT_FINITE: (
         "A state became infinite or not a number; the run was cut before that sample. "

@@ -41,6 +41,11 @@ class AdamsBashforthMoulton4:
     def __post_init__(self) -> None:
         check_step(self.step)
 
+    @property
+    def fixed_step(self) -> bool:
+        """Always."""
+        return True
+
     def growth(self, z: complex) -> float:
         """Factor by which a step changes y' = lambda y, z = h lambda, in the long run.
 

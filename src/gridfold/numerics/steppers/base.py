@@ -37,6 +37,10 @@ class Stepper(Protocol):
     def step(self) -> float:
         """Time step in seconds."""
 
+    @property
+    def fixed_step(self) -> bool:
+        """Whether it takes this step; if not, it is the distance of samples, and steps are chosen."""
+
     def growth(self, z: complex) -> float:
         """Factor by which a step h changes the size of y in y' = lambda y, where z = h lambda."""
 
@@ -70,7 +74,8 @@ def run_loop(
 
 def check_step(step: float) -> None:
     """Raise :class:`OptionError` unless `step` is a positive, finite number of seconds."""
-    if not (np.isfinite(step) and step > 0):
+    number = isinstance(step, int | float | np.integer | np.floating) and step is not True
+    if not (number and np.isfinite(step) and step > 0):
         raise OptionError(f"the time step must be a positive number of seconds, not {step!r}")
 
 

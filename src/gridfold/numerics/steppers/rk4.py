@@ -27,6 +27,11 @@ class RungeKutta4:
     def __post_init__(self) -> None:
         check_step(self.step)
 
+    @property
+    def fixed_step(self) -> bool:
+        """Always."""
+        return True
+
     def growth(self, z: complex) -> float:
         """Factor by which a step changes y' = lambda y, z = h lambda: the Taylor polynomial."""
         return abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4))))

@@ -31,6 +31,11 @@ class ScipyReference:
     def __post_init__(self) -> None:
         check_step(self.step)
 
+    @property
+    def fixed_step(self) -> bool:
+        """Never."""
+        return False
+
     def growth(self, z: complex) -> float:
         """1: its own steps are as small as they need to be."""
         return 1.0

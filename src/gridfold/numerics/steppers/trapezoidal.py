@@ -60,6 +60,11 @@ class ImplicitTrapezoidal:
                 f"the tolerance of a time step must lie between 0 and 1, not {self.tolerance!r}"
             )
 
+    @property
+    def fixed_step(self) -> bool:
+        """Where there is no tolerance."""
+        return self.tolerance is None
+
     def growth(self, z: complex) -> float:
         """Factor by which a step changes y' = lambda y, z = h lambda; below 1 if Re z is."""
         return np.inf if z == 2 else abs((2 + z) / (2 - z))

@@ -159,8 +159,10 @@ const COLUMNS = [
   {field: "critical_clearing_time", head: "CCT", unit: "s", digits: decimals("critical_clearing_time", 4), help: "critical clearing time"},
   {field: "error_rms_deg", head: "Error", unit: "deg RMS", digits: 2, help: "of rotor angles, against the detailed run"},
   {field: "damping_ratio", head: "Damping", unit: "%", digits: 1, factor: 100, help: "of the dominant swing of the critical machine"},
-  {field: "nadir_hz", head: "Nadir", unit: "Hz", digits: 3, help: "lowest frequency of the centre of inertia"},
-  {field: "critical_machine", head: "Machine", text: true, help: "the critical one: lost synchronism, or swung furthest"},
+  {field: "nadir_hz", head: "Nadir", unit: "Hz", digits: 3, help: "lowest frequency of any island"},
+  {field: "islanded_mw", head: "Cut off", unit: "MW", digits: 0, seldom: true, help: "generation outside the largest island at the end"},
+  {field: "lost_load_mw", head: "Lost load", unit: "MW", digits: 0, seldom: true, help: "at buses that are de-energized at the end"},
+  {field: "critical_machine", head: "Machine", text: true, help: "the critical one: lost synchronism, off speed, or swung furthest"},
 ];
 // Decimals of the figures as they are: clearing times have those of the study's resolution.
 function decimals(field, most) {
@@ -170,8 +172,9 @@ function decimals(field, most) {
 const rank = new Map(rows.map((row, k) => [row.number, k]));
 const shown = {verdict: "all", text: "", sort: null, descending: false, limit: AT_FIRST, chosen: null};
 
-// Columns that are empty everywhere are left out.
-const columns = COLUMNS.filter(column => column.always || rows.some(row => known(row[column.field])));
+// Columns that are empty everywhere are left out, and some that are 0 everywhere.
+const columns = COLUMNS.filter(column => column.always
+  || rows.some(row => column.seldom ? row[column.field] : known(row[column.field])));
 const valueOf = (row, field) => field === "verdict" ? verdictOf(row) : row[field];
 
 function heads() {
@@ -191,7 +194,7 @@ function heads() {
 function sortBy(column) {
   const again = shown.sort === column.field;
   // Figures begin with the worst: the largest, but for voltage, frequency, damping and clearing time.
-  const down = ["largest_separation_deg", "error_rms_deg"].includes(column.field);
+  const down = ["largest_separation_deg", "error_rms_deg", "islanded_mw", "lost_load_mw"].includes(column.field);
   shown.descending = again ? !shown.descending : down;
   shown.sort = column.field;
   fill();
@@ -347,6 +350,8 @@ function figures(row) {
   add("Highest voltage after the last event", row.highest_voltage, () => `${fixed(row.highest_voltage, 3)} p.u.${bus(row.highest_voltage_bus)}${time(row.highest_voltage_at)}`);
   add("Lowest frequency", row.nadir_hz, () => `${fixed(row.nadir_hz, 3)} Hz${time(row.nadir_at)}`);
   add("Highest frequency", row.highest_hz, () => `${fixed(row.highest_hz, 3)} Hz`);
+  add("Islands at the end", row.islands, () => row.islands !== 1 || row.lost_load_mw
+    ? `${row.islands}, ${fixed(row.islanded_mw, 1)} MW of generation outside the largest, ${fixed(row.lost_load_mw, 1)} MW of load lost` : "");
   add("Dominant swing", row.swing_hz, () => `${fixed(row.swing_hz, 2)} Hz`
     + (known(row.damping_ratio) ? `, damping ratio ${fixed(100 * row.damping_ratio, 1)} %` : ""));
   add("Critical clearing time", row.critical_clearing_time, () => clearingWords(row));
