@@ -70,7 +70,7 @@ class CompiledRhs:
         self, states: NDArray[np.float64], places: NDArray[np.int64]
     ) -> NDArray[np.float64]:
         """Entries `places` (m,) of the scratch space after a call at each of `states`: (n, m)."""
-        rows = checked_state(states, self.n_states).reshape(-1, self.n_states)
+        rows = checked_state(states, self.n_states).reshape(len(states), self.n_states)
         require_positions("places in the scratch space", places, self.work_size)
         result = np.empty((len(rows), len(places)))
         _collect_work(
