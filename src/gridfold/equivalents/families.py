@@ -63,6 +63,14 @@ class SmallModel:
         origin = self.coordinates.lift(np.zeros(size))
         return origin, self.coordinates.lift(np.eye(size)) - origin
 
+    @cached_property
+    def restriction(self) -> NDArray[np.float64]:
+        """How the small model's state changes with the whole system's, shape (r, n_states)."""
+        origin, _ = self.affine
+        at = self.coordinates.restrict(origin)
+        columns = [self.coordinates.restrict(origin + unit) - at for unit in np.eye(len(origin))]
+        return np.ascontiguousarray(np.column_stack(columns))
+
 
 class Mode(Enum):
     """Which model is in use.

@@ -58,6 +58,13 @@ class CompiledRhs:
         call_rhs(self.address, self.integers, self.reals, np.zeros(self.work_size), state, dx)
         return dx
 
+    def along(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives at each of `states`, shape (n, n_states)."""
+        rows = checked_state(states, self.n_states).reshape(len(states), self.n_states)
+        rates, work = np.empty_like(rows), np.zeros(self.work_size)
+        _call_along(self.address, self.integers, self.reals, work, rows, rates)
+        return rates
+
     def held_after_step(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state after a step that ended in `x`: the same, but for values held during steps."""
         state = checked_state(x, self.n_states).reshape(self.n_states).copy()
@@ -83,6 +90,12 @@ class CompiledRhs:
 def call_rhs(address, integers, reals, work, x, dx):
     """Call the right-hand side at `address` once."""
     invoke(address, (integers, reals, work, x, dx))
+
+
+@jit(nogil=True)
+def _call_along(address, integers, reals, work, states, rates):
+    for row in range(states.shape[0]):
+        invoke(address, (integers, reals, work, states[row], rates[row]))
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
