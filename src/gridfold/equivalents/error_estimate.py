@@ -1,7 +1,7 @@
 """How wrong a run with small models is, estimated from the run itself.
 
-The run, lifted to the whole system, misses the detailed equations by a defect; that drives the error
-(:mod:`gridfold.numerics.defect`), which also has the jumps of the states where models take over from each
+The run, lifted to the whole system, misses the detailed equations by a defect. That drives the error
+(:mod:`gridfold.numerics.defect`), which also has the jumps where models take over from each
 other. The error travels in the modes of an area that is reduced more finely than the run's own, with
 everything linear.
 """

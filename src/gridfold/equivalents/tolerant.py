@@ -1,0 +1,151 @@
+"""Runs whose rotor angles are right within a tolerance, by the cheapest model that is good enough.
+
+A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
+the run's outcome lies within its error, the next rung repeats it. The detailed model ends the climb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.adaptive import AdaptiveRun, simulate_adaptive
+from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
+from gridfold.equivalents.families import Mode
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
+from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.switching import SwitchingRule
+from gridfold.errors import OptionError
+from gridfold.grid.events import Event
+from gridfold.numerics.steppers import Stepper
+from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
+from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.systems.status import Status
+
+#: Part of the tolerance that an estimate may reach.
+TRUSTED = 0.9
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A run that was tried: the most exact model in it, its estimate in degrees, why it was not taken.
+
+    `estimate_deg` is None where the run lost synchronism or no estimate could be made.
+    """
+
+    mode: Mode
+    estimate_deg: float | None
+    refused: str | None = None
+
+
+@dataclass(frozen=True)
+class TolerantRun:
+    """A run within a tolerance, and how it was found.
+
+    Parameters
+    ----------
+    run : AdaptiveRun
+        The run that was taken.
+    error_estimate_deg : float
+        Estimated root mean square error of the worst rotor angle of the study area against the centre
+        of inertia, in degrees; 0 for the detailed run.
+    attempts : tuple of Attempt
+        All runs, the one that was taken last.
+    """
+
+    run: AdaptiveRun
+    error_estimate_deg: float
+    attempts: tuple[Attempt, ...] = field(default=())
+
+
+class TolerantModel:
+    """A ladder whose runs keep a tolerance.
+
+    Parameters
+    ----------
+    ladder : Ladder
+        The models; without a rung that is cheaper than the detailed one all runs are detailed.
+    tolerance_deg : float
+        Root mean square error of the worst rotor angle of the study area against the centre of
+        inertia, in degrees; 0 makes all runs detailed.
+
+    Raises
+    ------
+    OptionError
+        The tolerance is negative or not a number.
+    """
+
+    def __init__(self, ladder: Ladder, tolerance_deg: float) -> None:
+        if not 0 <= tolerance_deg < inf:
+            raise OptionError(f"a tolerance is 0 degrees or more, not {tolerance_deg!r}")
+        self.tolerance_deg = tolerance_deg
+        self.small = SmallModels(ladder)
+        self.rules = tuple(_rules(ladder)) if tolerance_deg > 0 else ()
+        self.estimator = ErrorEstimator(ladder.parts) if self.rules else None
+
+    def run(
+        self,
+        model: DetailedModel,
+        events: Sequence[Event] = (),
+        t_end: float = 16.0,
+        stepper: Stepper | None = None,
+        criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+        store: ModelStore | None = None,
+    ) -> TolerantRun:
+        """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`."""
+        rest = (events, t_end, stepper, criterion, {} if store is None else store)
+        attempts: list[Attempt] = []
+        for rule in self.rules:
+            run = simulate_adaptive(model, self.small, rule, *rest)
+            attempt = self._judge(run)
+            attempts.append(attempt)
+            if attempt.refused is None and attempt.estimate_deg is not None:
+                return TolerantRun(run, attempt.estimate_deg, tuple(attempts))
+        detailed = simulate(model, *rest)
+        modes = (Mode.DETAILED,) * len(detailed.run.pieces)
+        attempts.append(Attempt(Mode.DETAILED, 0.0))
+        return TolerantRun(AdaptiveRun(detailed, (), 0.0, modes), 0.0, tuple(attempts))
+
+    def _judge(self, run: AdaptiveRun) -> Attempt:
+        order = list(Mode)
+        used = [mode for mode, stage in zip(run.modes, run.trajectory.models, strict=False)
+                if not stage.state.faulted]  # fmt: skip
+        mode = min(used or [Mode.DETAILED], key=order.index)
+        if run.trajectory.status is not Status.COMPLETED:
+            return Attempt(mode, None, f"its outcome is {run.trajectory.status.value}")
+        assert self.estimator is not None
+        estimate = self.estimator.estimate(run)
+        if estimate is None:
+            return Attempt(mode, None, "its error cannot be estimated")
+        worst = estimate.worst_deg
+        if not worst <= TRUSTED * self.tolerance_deg:
+            return Attempt(mode, worst, "its error is above the tolerance")
+        if _near_the_limit(run.trajectory, estimate):
+            return Attempt(mode, worst, "synchronism is lost within its error")
+        return Attempt(mode, worst)
+
+
+def _rules(ladder: Ladder) -> Iterator[SwitchingRule]:
+    """Rules from the cheapest to the most exact, for rungs that are cheaper than the detailed model."""
+    modes = ladder.modes
+    if modes[-1] is not Mode.DETAILED:
+        whole = WHOLE_DEG if Mode.WHOLE in modes else 0.0
+        yield SwitchingRule(inf if len(modes) > 2 else whole, inf, whole_deg=whole, dwell=DWELL)
+    if len(modes) > 1 and modes[0] not in (Mode.DETAILED, modes[-1]):
+        yield SwitchingRule(0.0, inf)
+
+
+def _near_the_limit(run: Trajectory, estimate: ErrorEstimate) -> bool:
+    """Whether a machine may have passed the limit of synchronism within the largest estimated error."""
+    if run.criterion is None:
+        return False
+    error = float(np.nanmax(np.abs(estimate.angles_deg), initial=0.0))
+    apart = run.rotor_angle_deg(estimate.units, AngleReference.CENTRE_OF_INERTIA)
+    largest = float(np.nanmax(np.abs(apart), initial=0.0))
+    return largest + error >= run.criterion.limit_deg
