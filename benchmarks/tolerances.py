@@ -1,0 +1,212 @@
+"""Runs within a tolerance, on several grids: true errors, estimates, rungs in use and cost.
+
+No threshold, order or list of machines is given: the tolerance is the only number. The large cases are
+read from the folder of public cases (GRIDFOLD_CASES); those that are not there are left out.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from chain import chain
+from report import ROOT, Goal, Section, Table, machine, one_thread, write
+
+from gridfold import (
+    BranchFault,
+    BusFault,
+    OnLimit,
+    Partition,
+    Status,
+    build_model,
+    compare,
+    critical_clearing_time,
+    load_case,
+    partition,
+    simulate,
+)
+from gridfold.equivalents.choice import ModelSettings
+from gridfold.equivalents.model_kind import ModelKind
+from gridfold.equivalents.tolerant import TolerantModel, TolerantRun
+from gridfold.grid.events import Event
+from gridfold.partition import study_buses
+
+CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data")).resolve()
+PAGE, SCRIPT = "tolerances.md", "tolerances.py"
+TOLERANCES = (0.1, 0.5, 2.0)
+#: Parts of the critical clearing time, and how many faulted buses of the large grids are taken.
+SHARES, BUSES = (0.5, 0.9, 1.0), 6
+#: Random line faults with trips, and how long they last in s.
+LINES, CLEARING = 100, 0.1
+T_END, SEED = 16.0, 0
+#: Goals: share of runs beyond the tolerance; how far median and most estimates are from the truth.
+BEYOND, MEDIAN, MOST = 0.05, 0.2, 2.0
+
+Disturbance = Sequence[Event]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A partitioned grid and what is simulated on it."""
+
+    name: str
+    parts: Partition
+    disturbances: tuple[Disturbance, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run: error and estimate in degrees, CPU seconds of it and of the detailed run, rungs in use."""
+
+    true: float
+    estimate: float
+    seconds: float
+    detailed: float
+    spent: dict[str, float]
+
+
+def main() -> None:
+    """Measure all grids."""
+    one_thread()
+    sections = []
+    for grid in grids():
+        sections.append(section(grid))
+        print(sections[-1], flush=True)
+    print(write(PAGE, *sections, machine()))
+
+
+def grids() -> Iterator[Grid]:
+    """All grids that are there."""
+    npcc = load_case("npcc")
+    parts = partition(build_model(npcc), study_buses(npcc, areas=(1,)))
+    buses = sorted(parts.study_buses)
+    yield Grid("NPCC, faults at the 36 buses", parts, faults(parts, buses))
+    yield Grid(f"NPCC, {LINES} random line faults with trips", parts, lines(parts))
+    four = chain(npcc, 4)
+    yield of_chain("Chain of four NPCC", partition(build_model(four), buses))
+    polish = CASES / "polish" / "Data_POLISH.mat"
+    if polish.exists():
+        model = build_model(load_case(polish))
+        for zone in (5, 6):
+            name = f"Polish grid, zone {zone}"
+            yield of_chain(name, partition(model, study_buses(model.case, zones=(zone,))))
+    folder = CASES / "wecc240"
+    if folder.exists():
+        case = load_case(
+            folder / "240busWECC_2018_PSS32_fixed_shunts.raw",
+            folder / "240busWECC_2018_PSS.dyr",
+            unsupported="classical",
+            without_data="negative_load",
+            allow_unsupported_network=True,
+        )
+        model = build_model(case, on_limit=OnLimit.ADJUST)
+        yield of_chain("WECC240, area 1", partition(model, study_buses(case, areas=(1,))))
+
+
+def of_chain(name: str, parts: Partition) -> Grid:
+    """Faults at the buses of the largest machines of the study area."""
+    units = [g for g in parts.model.case.generators if g.key in set(parts.study_units)]
+    buses = dict.fromkeys(g.bus for g in sorted(units, key=lambda g: -g.active_mw))
+    return Grid(name, parts, faults(parts, list(buses)[:BUSES]))
+
+
+def faults(parts: Partition, buses: Sequence[int]) -> tuple[Disturbance, ...]:
+    """Bus faults of parts of their critical clearing times."""
+    found = []
+    for bus in buses:
+        critical = critical_clearing_time(parts.model, BusFault(bus), t_end=T_END).seconds
+        found += [(BusFault(bus, duration=max(0.01, round(s * critical, 2))),) for s in SHARES]
+    return tuple(dict.fromkeys(found))
+
+
+def lines(parts: Partition) -> tuple[Disturbance, ...]:
+    """Faults at random lines of the whole grid, cleared by tripping them."""
+    branches = [b for b in parts.model.case.branches if b.in_service]
+    chosen = np.random.default_rng(SEED).choice(
+        len(branches), min(LINES, len(branches)), replace=False
+    )
+    return tuple(
+        (BranchFault(f"{b.from_bus}-{b.to_bus}:{b.circuit}", duration=CLEARING),)
+        for b in (branches[k] for k in sorted(chosen))
+    )
+
+
+def section(grid: Grid) -> Section:
+    """Tables of one grid."""
+    began = time.perf_counter()
+    ladder = ModelSettings(ModelKind.ADAPTIVE).build(grid.parts)
+    rows, goals = [], []
+    for tolerance in TOLERANCES:
+        model = TolerantModel(ladder, tolerance)
+        offline, began = time.perf_counter() - began, time.perf_counter()
+        outcomes = [
+            o for d in grid.disturbances if (o := outcome(grid.parts, model, d)) is not None
+        ]
+        began = time.perf_counter()
+        true = np.array([o.true for o in outcomes]) / tolerance
+        known = [o for o in outcomes if o.true > 0]
+        ratio = np.array([o.estimate / o.true for o in known]) if known else np.ones(1)
+        spent = Counter[str]()
+        for item in outcomes:
+            spent.update(item.spent)
+        whole = sum(spent.values()) or 1.0
+        cost = sum(o.seconds for o in outcomes) / sum(o.detailed for o in outcomes)
+        used = ", ".join(f"{n} {100 * s / whole:.0f}" for n, s in spent.most_common())
+        rows.append(
+            (
+                f"{tolerance:g}", str(len(outcomes)), f"{100 * np.mean(true <= 1):.0f}",
+                *(f"{q:.2f}" for q in np.quantile(true, (0.5, 0.95, 1.0))),
+                *(f"{q:.2f}" for q in np.quantile(ratio, (0.05, 0.5, 0.95))),
+                used, f"{cost:.2f}", f"{offline:.1f}",
+            )
+        )  # fmt: skip
+        spread = max(np.quantile(ratio, 0.975), 1 / max(np.quantile(ratio, 0.025), 1e-9))
+        text = f"{tolerance:g} degree"
+        goals += [
+            Goal(f"{text}: share of runs beyond", float(np.mean(true > 1)), BEYOND),
+            Goal(f"{text}: median estimate from truth", abs(float(np.median(ratio)) - 1), MEDIAN),
+            Goal(f"{text}: factor that holds 95 % of the estimates", float(spread), MOST),
+        ]
+    heads = (
+        "tolerance, deg", "runs", "within, %", "error / tolerance: 50 %", "95 %", "largest",
+        "estimate / error: 5 %", "50 %", "95 %", "models in use, % of time", "CPU / detailed",
+        "off line, s",
+    )  # fmt: skip
+    count = len(grid.disturbances)
+    caption = f"{count} disturbances of {T_END:g} s; stable ones are compared"
+    return Section(grid.name, SCRIPT, (Table(caption, heads, rows),), goals=tuple(goals))
+
+
+def outcome(parts: Partition, model: TolerantModel, events: Disturbance) -> Outcome | None:
+    """A run beside the detailed one; None where synchronism is lost."""
+    began = time.thread_time()
+    detailed = simulate(parts.model, events, T_END)
+    between = time.thread_time()
+    found = model.run(parts.model, events, T_END)
+    seconds = time.thread_time() - between
+    run = found.run.trajectory
+    if run.status is not detailed.status:
+        raise SystemExit(f"{events}: {run.status.value} instead of {detailed.status.value}")
+    if detailed.status is not Status.COMPLETED:
+        return None
+    out = detailed.models[-1].state.units_out
+    units = [unit for unit in parts.study_units if unit not in out]
+    true = max(item.relative_rms_deg for item in compare(detailed, run, units).units)
+    return Outcome(true, found.error_estimate_deg, seconds, between - began, spent_in(found))
+
+
+def spent_in(found: TolerantRun) -> dict[str, float]:
+    """Simulated seconds of each model."""
+    spent: dict[str, float] = defaultdict(float)
+    for mode, piece in zip(found.run.modes, found.run.trajectory.run.pieces, strict=True):
+        spent[mode.value] += float(piece.times[-1] - piece.times[0])
+    return dict(spent)
+
+
+if __name__ == "__main__":
+    main()
