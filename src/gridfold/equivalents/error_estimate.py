@@ -24,13 +24,14 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.defect import carry_error
 from gridfold.partition import Partition
 from gridfold.reduction import BalancedTruncation
-from gridfold.runs.synchronism import angle_frame
+from gridfold.runs.synchronism import AngleFrame, angle_frame
 from gridfold.simulation.segment import Piece
 from gridfold.systems.modal import ModalSystem
 
 #: Bound of the area in which errors travel, in p.u. of port voltage.
 FINE_TOLERANCE = 1e-5
-#: Time between the instants at which the detailed equations are looked at, in s.
+#: Time between the instants at which the detailed equations are looked at, in s; twice as long where
+#: everything is linear, since swings are small there.
 EVERY = 0.05
 
 
@@ -46,18 +47,21 @@ class ErrorEstimate:
         In seconds.
     angles_deg : ndarray, shape (n_times, n_units)
         The detailed run less the run, in degrees; NaN where a machine is out.
+    largest_deg : float
+        Largest angle of a machine against the centre in the run itself, in degrees.
     """
 
     units: tuple[UnitKey, ...]
     times: NDArray[np.float64] = field(repr=False)
     angles_deg: NDArray[np.float64] = field(repr=False)
+    largest_deg: float
 
     @property
     def rms_deg(self) -> NDArray[np.float64]:
         """Root mean square over the run of each machine, shape (n_units,); 0 for one always out."""
         squares = np.nan_to_num(self.angles_deg) ** 2
         span = self.times[-1] - self.times[0]
-        return np.sqrt(np.trapezoid(squares, self.times, axis=0) / span)
+        return np.asarray(np.sqrt(np.trapezoid(squares, self.times, axis=0) / span))
 
     @property
     def worst_deg(self) -> float:
@@ -83,6 +87,7 @@ class ErrorEstimator:
 
     def __init__(self, parts: Partition, swings: Swings | None = None) -> None:
         self.units = parts.study_units
+        self._study = frozenset(self.units)
         self._model = parts.model
         area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
         self._modes = SmallModels(area)
@@ -92,43 +97,39 @@ class ErrorEstimator:
     def estimate(self, run: AdaptiveRun) -> ErrorEstimate | None:
         """Errors along a run; None where the network has no modes in which errors could travel."""
         pieces, models = run.trajectory.run.pieces, run.trajectory.models
-        modes, error = self._intact, None
-        times, angles = [], []
-        for k, (piece, mode, model) in enumerate(zip(pieces, run.modes, models, strict=False)):
+        modes, error, last = self._intact, np.zeros(self._model.n_states), None
+        times, angles, largest = [], [], 0.0
+        for piece, mode, model in zip(pieces, run.modes, models, strict=False):
             if not model.state.faulted:
                 modes = _modes_of(self._modes.get(model, Mode.WHOLE)) or modes
             if modes is None:
                 return None
-            if k:
-                jump = pieces[k - 1].full_states[-1] - piece.full_states[0]
-                error = jump if error is None else error + jump
-            if mode is Mode.DETAILED and (error is None or not error.any()):
-                times.append(piece.times[[0, -1]])
-                angles.append(np.zeros((2, len(self.units))))
-                continue
-            index = _samples(piece)
-            start = np.zeros(len(modes.slopes)) if error is None else modes.restrict @ error
-            carried = _carried(piece, mode, model, modes, index, start)
-            error = carried[-1] @ modes.slopes
+            index, frame = _samples(piece, mode), angle_frame(model)
+            if mode is Mode.DETAILED and not error.any():
+                index = index[[0, -1]]
+            states = piece.segment.lift(piece.states[index])
+            if last is not None:
+                error = error + last - states[0]
+            carried = _carried(piece, mode, model, modes, index, states, modes.restrict @ error)
+            error, last = carried[-1] @ modes.slopes, states[-1]
             times.append(piece.times[index])
-            angles.append(np.rad2deg(carried @ self._rows(model, modes).T))
-        return ErrorEstimate(self.units, np.concatenate(times), np.concatenate(angles))
+            angles.append(np.rad2deg(carried @ self._rows(frame, modes).T))
+            apart = np.abs(states[:, frame.slots] - frame.references(states))
+            inside = [unit in self._study for unit in frame.units]
+            largest = max(largest, float(np.rad2deg(apart[:, inside].max(initial=0.0))))
+        return ErrorEstimate(self.units, np.concatenate(times), np.concatenate(angles), largest)
 
-    def _rows(self, model: DetailedModel, modes: _Modes) -> NDArray[np.float64]:
+    def _rows(self, frame: AngleFrame, modes: _Modes) -> NDArray[np.float64]:
         """Angles of the study machines against their islands' centres in the modes, (n_units, r)."""
-        frame, turned = angle_frame(model), modes.slopes[:, angle_frame(model).slots].T
-        rows = np.full((len(self.units), turned.shape[1]), np.nan)
-        place = {unit: k for k, unit in enumerate(frame.units)}
+        turned = modes.slopes[:, frame.slots].T
         for island, fixed in enumerate(frame.fixed):
             members = frame.island == island
             if np.isnan(fixed):
-                turned[members] -= np.average(
-                    turned[members], axis=0, weights=frame.inertia[members]
-                )
-        for row, unit in enumerate(self.units):
-            if unit in place:
-                rows[row] = turned[place[unit]]
-        return rows
+                weights = frame.inertia[members] / frame.inertia[members].sum()
+                turned[members] -= weights @ turned[members]
+        place = {unit: k for k, unit in enumerate(frame.units)}
+        missing = np.full(turned.shape[1], np.nan)
+        return np.array([turned[place[u]] if u in place else missing for u in self.units])
 
 
 @dataclass(frozen=True)
@@ -146,12 +147,12 @@ def _modes_of(small: SmallModel | None) -> _Modes | None:
     return _Modes(small.system, small.affine[1], small.restriction)
 
 
-def _samples(piece: Piece) -> NDArray[np.int64]:
+def _samples(piece: Piece, mode: Mode) -> NDArray[np.int64]:
     """Rows of a piece, about EVERY apart, both ends included."""
     last = len(piece.times) - 1
-    spacing = (piece.times[-1] - piece.times[0]) / max(last, 1)
-    count = max(1, int(EVERY / spacing + 1e-9)) if spacing > 0 else 1
-    return np.append(np.arange(0, last, count), last)
+    spacing = (piece.times[-1] - piece.times[0]) / last
+    every = 2 * EVERY if mode is Mode.WHOLE else EVERY
+    return np.append(np.arange(0, last, max(1, round(every / spacing))), last)
 
 
 def _carried(
@@ -160,16 +161,18 @@ def _carried(
     model: DetailedModel,
     modes: _Modes,
     index: NDArray[np.int64],
+    states: NDArray[np.float64],
     start: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The error in modal coordinates at the rows `index` of a piece."""
-    states = piece.segment.lift(piece.states[index])
+    """The error in modal coordinates at the rows `index` of a piece, whose lifted states are given."""
+    if not start.any() and mode is Mode.DETAILED:
+        return np.zeros((len(index), len(start)))
     if mode is Mode.DETAILED:
         rates = model.compiled.along(states)
     else:
-        small = piece.segment
-        own = small.system.compiled.along(piece.states[index])
-        rates = small.lift(own) - small.lift(np.zeros(own.shape[1]))
+        segment = piece.segment
+        own = segment.system.compiled.along(piece.states[index])
+        rates = segment.lift(own) - segment.lift(np.zeros(own.shape[1]))
     times, form = piece.times[index], modes.system.form
     return carry_error(
         model.compiled, form, modes.slopes, modes.restrict, times, states, rates, start

@@ -25,7 +25,7 @@ from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
-from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 #: Part of the tolerance that an estimate may reach.
@@ -146,6 +146,4 @@ def _near_the_limit(run: Trajectory, estimate: ErrorEstimate) -> bool:
     if run.criterion is None:
         return False
     error = float(np.nanmax(np.abs(estimate.angles_deg), initial=0.0))
-    apart = run.rotor_angle_deg(estimate.units, AngleReference.CENTRE_OF_INERTIA)
-    largest = float(np.nanmax(np.abs(apart), initial=0.0))
-    return largest + error >= run.criterion.limit_deg
+    return estimate.largest_deg + error >= run.criterion.limit_deg
