@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.errors import OptionError
 from gridfold.numerics.compiled import FAST, invoke, jit
 from gridfold.numerics.modal_form import ModalForm
 from gridfold.numerics.rhs import CompiledRhs
@@ -58,8 +59,20 @@ def carry_error(
     -------
     ndarray, shape (n_times, n_modes)
         w.
+
+    Raises
+    ------
+    OptionError
+        An array has another shape.
     """
-    errors = np.empty((len(times), len(start)))
+    n_modes, along = len(form.partner), (len(times), rhs.n_states)
+    for name, array, shape in (
+        ("slopes", slopes, (n_modes, rhs.n_states)), ("restrict", restrict, (n_modes, rhs.n_states)),
+        ("states", states, along), ("rates", rates, along), ("start", start, (n_modes,)),
+    ):  # fmt: skip
+        if array.shape != shape:
+            raise OptionError(f"{name} has shape {array.shape}, expected {shape}")
+    errors = np.empty((len(times), n_modes))
     errors[0] = start
     _carry(
         rhs.address, rhs.integers, rhs.reals, np.zeros(rhs.work_size),
