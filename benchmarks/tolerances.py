@@ -30,9 +30,10 @@ from gridfold import (
     partition,
     simulate,
 )
+from gridfold.equivalents.adaptive import AdaptiveRun
 from gridfold.equivalents.choice import ModelSettings
 from gridfold.equivalents.model_kind import ModelKind
-from gridfold.equivalents.tolerant import TolerantModel, TolerantRun
+from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.grid.events import Event
 from gridfold.partition import study_buses
 
@@ -189,7 +190,7 @@ def outcome(parts: Partition, model: TolerantModel, events: Disturbance) -> Outc
     between = time.thread_time()
     found = model.run(parts.model, events, T_END)
     seconds = time.thread_time() - between
-    run = found.run.trajectory
+    run = found.trajectory
     if run.status is not detailed.status:
         raise SystemExit(f"{events}: {run.status.value} instead of {detailed.status.value}")
     if detailed.status is not Status.COMPLETED:
@@ -197,13 +198,15 @@ def outcome(parts: Partition, model: TolerantModel, events: Disturbance) -> Outc
     out = detailed.models[-1].state.units_out
     units = [unit for unit in parts.study_units if unit not in out]
     true = max(item.relative_rms_deg for item in compare(detailed, run, units).units)
-    return Outcome(true, found.error_estimate_deg, seconds, between - began, spent_in(found))
+    estimate = found.error_estimate_deg
+    assert estimate is not None
+    return Outcome(true, estimate, seconds, between - began, spent_in(found))
 
 
-def spent_in(found: TolerantRun) -> dict[str, float]:
+def spent_in(found: AdaptiveRun) -> dict[str, float]:
     """Simulated seconds of each model."""
     spent: dict[str, float] = defaultdict(float)
-    for mode, piece in zip(found.run.modes, found.run.trajectory.run.pieces, strict=True):
+    for mode, piece in zip(found.modes, found.trajectory.run.pieces, strict=True):
         spent[mode.value] += float(piece.times[-1] - piece.times[0])
     return dict(spent)
 

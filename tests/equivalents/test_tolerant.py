@@ -57,7 +57,7 @@ def test_a_run_keeps_the_tolerance_by_the_cheapest_rung_that_does(
 ) -> None:
     found = TolerantModel(ladder, tolerance).run(npcc, events, 5.0)
     detailed = gf.simulate(npcc, events, 5.0)
-    assert true_error(detailed, found.run.trajectory, npcc_parts) <= tolerance
+    assert true_error(detailed, found.trajectory, npcc_parts) <= tolerance
     assert found.error_estimate_deg <= tolerance
     *failed, taken = found.attempts
     assert taken.refused is None
@@ -68,7 +68,7 @@ def test_without_a_tolerance_the_run_is_the_detailed_one(npcc, ladder) -> None:
     events = DISTURBANCES["short"]
     found = TolerantModel(ladder, 0.0).run(npcc, events, 2.0)
     assert found.error_estimate_deg == 0
-    assert (found.run.trajectory.states == gf.simulate(npcc, events, 2.0).states).all()
+    assert (found.trajectory.states == gf.simulate(npcc, events, 2.0).states).all()
 
 
 def test_a_ladder_that_does_not_pay_is_not_climbed(npcc, ladder) -> None:
@@ -79,7 +79,7 @@ def test_a_ladder_that_does_not_pay_is_not_climbed(npcc, ladder) -> None:
 
 def test_an_unstable_outcome_is_the_detailed_model_s(npcc, ladder) -> None:
     found = TolerantModel(ladder, 2.0).run(npcc, [gf.BusFault(3, duration=0.6)], 5.0)
-    assert found.run.trajectory.status is Status.LOST_SYNCHRONISM
+    assert found.trajectory.status is Status.LOST_SYNCHRONISM
     assert [attempt.mode for attempt in found.attempts][-1] is Mode.DETAILED
     assert "lost synchronism" in (found.attempts[0].refused or "")
 

@@ -28,6 +28,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import STUDY_AREAS, ModelKind, ReducerKind
 from gridfold.equivalents.saved import SavedReduction, load_reduced, reducer_record
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
@@ -160,7 +161,8 @@ class ModelChoice:
             settings = replace(self._settings(parts), kind=ModelKind.ADAPTIVE)
         chosen = choose_model(settings, model, parts, work, stepper)
         if chosen.family is None:
-            return Simulator(ModelKind.DETAILED, reason=chosen.reason)
+            asked = self.switching.tolerance_deg
+            return Simulator(ModelKind.DETAILED, reason=chosen.reason, tolerance_deg=asked)
         simulator = Simulator.of(settings, chosen.family, time.perf_counter() - began)
         return replace(simulator, reason=chosen.reason)
 
@@ -175,6 +177,7 @@ class ModelChoice:
             angle_deg=self.switching.angle_deg,
             whole_deg=self.switching.whole_deg,
             longest_above=self.switching.longest_above,
+            tolerance_deg=self.switching.tolerance_deg,
         )
 
 
@@ -196,6 +199,10 @@ class Simulator:
         Time spent on building it.
     reason : str, optional
         Why it was chosen.
+    tolerance_deg : float, optional
+        Error in degrees that rotor angles may have.
+    tolerant : TolerantModel, optional
+        What keeps it on a ladder.
     """
 
     kind: ModelKind
@@ -204,12 +211,22 @@ class Simulator:
     used: UsedModel | None = None
     seconds: float = 0.0
     reason: str | None = None
+    tolerance_deg: float | None = None
+    tolerant: TolerantModel | None = None
 
     @classmethod
     def of(cls, settings: ModelSettings, family: Family, seconds: float) -> Simulator:
         """The reduced model with `settings`."""
         used = UsedModel(settings.kind.value, settings.record(family))
-        return cls(settings.kind, settings, SmallModels(family), used, seconds)
+        if settings.tolerance_deg is None or not isinstance(family, Ladder):
+            return cls(settings.kind, settings, SmallModels(family), used, seconds)
+        began = time.perf_counter()
+        tolerant = TolerantModel(family, settings.tolerance_deg)
+        seconds += time.perf_counter() - began
+        return cls(
+            settings.kind, settings, tolerant.small, used, seconds,
+            tolerance_deg=settings.tolerance_deg, tolerant=tolerant,
+        )  # fmt: skip
 
     @property
     def study_units(self) -> Sequence[UnitKey]:
@@ -228,8 +245,11 @@ class Simulator:
         """Simulate; arguments as in :func:`gridfold.simulate`."""
         if self.small is None or self.settings is None:
             return AdaptiveRun(simulate(model, events, t_end, stepper, criterion, store), (), 0.0)
-        rule = self.settings.rule
-        run = simulate_adaptive(model, self.small, rule, events, t_end, stepper, criterion, store)
+        rest = (events, t_end, stepper, criterion, store)
+        if self.tolerant is not None:
+            run = self.tolerant.run(model, *rest)
+        else:
+            run = simulate_adaptive(model, self.small, self.settings.rule, *rest)
         return replace(run, trajectory=replace(run.trajectory, used_model=self.used))
 
     def budget(self, events: Sequence[Event], t_end: float, stepper: Stepper) -> ErrorBudget:

@@ -385,6 +385,13 @@ class SwitchingOptions:
             show_default="15",
         ),
     ] = None
+    tolerance_deg: Annotated[
+        float | None,
+        _switching_option(
+            help="Error (deg, root mean square against the centre of inertia) that rotor angles of the "
+            "study area may have, instead of thresholds: each run climbs the ladder until it holds."
+        ),
+    ] = None
     longest_above: Annotated[
         float | None,
         _switching_option(
@@ -401,4 +408,5 @@ class SwitchingOptions:
         if kind is ModelKind.LINEAR:
             return [name for name in names if name != "--whole-deg"]
         switches = (ModelKind.WHOLE, ModelKind.PAPER, ModelKind.PAPER_WHOLE)
-        return [name for name in names if name == "--whole-deg" or kind not in switches]
+        ladder_alone = ("--whole-deg", "--tolerance-deg")
+        return [name for name in names if name in ladder_alone or kind not in switches]

@@ -11,7 +11,7 @@ import numpy as np
 from gridfold.cli.choice import Simulator
 from gridfold.cli.console import out
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import Switch
+from gridfold.equivalents.adaptive import Attempt, Switch
 from gridfold.equivalents.compare import Comparison, UnitError, compare
 from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.grid.case import UnitKey
@@ -25,6 +25,33 @@ from gridfold.systems.status import Status
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """An error in degrees that was allowed, the estimated one, and the runs that were tried."""
+
+    tolerance_deg: float
+    error_estimate_deg: float
+    attempts: tuple[Attempt, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        text = f"about {self.error_estimate_deg:.2g} degree of {self.tolerance_deg:g} allowed"
+        for tried in self.attempts:
+            if tried.refused is not None:
+                about = "" if tried.estimate_deg is None else f" (about {tried.estimate_deg:.2g})"
+                text += f"; not {tried.mode.value}, {tried.refused}{about}"
+        return text
+
+    def record(self) -> dict[str, Any]:
+        """The same, ready for JSON."""
+        return {
+            "tolerance_deg": self.tolerance_deg,
+            "error_estimate_deg": self.error_estimate_deg,
+            "attempts": [tried.record() for tried in self.attempts],
+        }
+
+
+@dataclass(frozen=True)
 class Outcome:
     """A run, and what there is to tell about a reduced model: the log, times, errors."""
 
@@ -35,9 +62,14 @@ class Outcome:
     comparison: Comparison | None = None
     note: str | None = None
     budget: ErrorBudget | None = None
+    tolerance: Tolerance | None = None
 
     def record(self) -> dict[str, Any]:
         """What the JSON file says besides the run itself; of the detailed model why no errors."""
+        kept = {} if self.tolerance is None else self.tolerance.record()
+        return kept | self._model_record()
+
+    def _model_record(self) -> dict[str, Any]:
         no_comparison = {"comparison": None, "comparison_note": self.note}
         if self.switches is None:
             return {} if self.note is None else no_comparison
@@ -69,6 +101,8 @@ class Outcome:
 
     def show(self) -> None:
         """Print it for people."""
+        if self.tolerance is not None:
+            out.print(facts_table({"Error": self.tolerance.text}))
         if self.switches is not None:
             out.print(switch_table(self.switches))
             out.print(facts_table({"Reduced models": f"built in {self.reduction_seconds:.3f} s"}))
@@ -100,11 +134,13 @@ class Disturbance:
         rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
         if simulator.small is None:
             note = "No comparison: the run itself is detailed." if comparing else None
-            return Outcome(replace(simulate(*rest), method_reason=reason), note=note)
-        run = simulator.run(*rest)
-        seconds = simulator.seconds + run.reduction_seconds
-        trajectory = replace(run.trajectory, method_reason=reason)
-        result = Outcome(trajectory, run.switches, seconds)
+            run = replace(simulate(*rest), method_reason=reason)
+            return Outcome(run, note=note, tolerance=_kept(simulator, 0.0))
+        found = simulator.run(*rest)
+        seconds = simulator.seconds + found.reduction_seconds
+        trajectory = replace(found.trajectory, method_reason=reason)
+        kept = _kept(simulator, found.error_estimate_deg, found.attempts)
+        result = Outcome(trajectory, found.switches, seconds, tolerance=kept)
         if budgeting:
             result = replace(result, budget=simulator.budget(self.events, self.t_end, stepper))
         if not comparing:
@@ -122,6 +158,15 @@ class Disturbance:
             note = "No comparison: no machine of the study area has a rotor."
             return replace(result, detailed=detailed, note=note)
         return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
+
+
+def _kept(
+    simulator: Simulator, estimate_deg: float | None, attempts: tuple[Attempt, ...] = ()
+) -> Tolerance | None:
+    """What there is to tell of the tolerance, if there is one."""
+    if simulator.tolerance_deg is None or estimate_deg is None:
+        return None
+    return Tolerance(simulator.tolerance_deg, estimate_deg, attempts)
 
 
 def ranked(comparison: Comparison) -> list[UnitError]:

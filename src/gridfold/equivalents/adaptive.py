@@ -63,6 +63,26 @@ class Switch(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Attempt:
+    """A run that was tried for a tolerance: its most exact model, and why it was not taken.
+
+    `estimate_deg` is its estimated error; None where it lost synchronism or none could be made.
+    """
+
+    mode: Mode
+    estimate_deg: float | None
+    refused: str | None = None
+
+    def record(self) -> dict[str, object]:
+        """The same, ready for JSON."""
+        return {
+            "model": self.mode.value,
+            "estimate_deg": self.estimate_deg,
+            "refused": self.refused,
+        }
+
+
+@dataclass(frozen=True)
 class AdaptiveRun:
     """A run with reduced models.
 
@@ -76,12 +96,19 @@ class AdaptiveRun:
         Time spent on building reduced models during the run.
     modes : tuple of Mode
         Which model was in use in each piece of the run.
+    error_estimate_deg : float or None
+        Estimated root mean square error of the worst rotor angle of the study area against the centre
+        of inertia, in degrees; None where it was not asked for.
+    attempts : tuple of Attempt
+        With a tolerance all runs that were tried, the one that was taken last.
     """
 
     trajectory: Trajectory
     switches: tuple[Switch, ...]
     reduction_seconds: float
     modes: tuple[Mode, ...] = ()
+    error_estimate_deg: float | None = None
+    attempts: tuple[Attempt, ...] = ()
 
 
 class Choice(NamedTuple):

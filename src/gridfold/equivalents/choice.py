@@ -107,8 +107,10 @@ class ModelSettings:
     angle_deg: float | None = None
     whole_deg: float | None = None
     longest_above: float | None = None
+    tolerance_deg: float | None = None
 
     def __post_init__(self) -> None:
+        self._check_tolerance()
         lagged = self.coupling is BoundaryCoupling.LAGGED
         if lagged and self.outputs is Outputs.POLAR:
             raise OptionError("the lagged coupling needs outputs 'states'")
@@ -123,6 +125,18 @@ class ModelSettings:
         forms_states = self.kind in PRINTED or (self.kind in PORTED and states)
         if forms_states and self.reduction.weights is Weights.INTERFACE:
             raise OptionError(f"weights 'interface' have no effect on the {self._form}")
+
+    def _check_tolerance(self) -> None:
+        """A tolerance is the only number that says how the ladder is climbed."""
+        if self.tolerance_deg is None:
+            return
+        if self.kind not in (ModelKind.AUTO, ModelKind.ADAPTIVE, ModelKind.DETAILED):
+            raise OptionError(f"a tolerance has no effect on the {self.kind.value} model")
+        for name in ("angle_deg", "whole_deg", "longest_above"):
+            if getattr(self, name) is not None:
+                raise OptionError(f"give the tolerance or {name}, not both")
+        if not 0 <= self.tolerance_deg < inf:
+            raise OptionError(f"a tolerance is 0 degrees or more, not {self.tolerance_deg!r}")
 
     @property
     def _form(self) -> str:
@@ -262,6 +276,8 @@ class ModelSettings:
             record.pop("column_norm", None)
         if self.kind is ModelKind.LINEAR:
             record["kept"] = []
+        if self.tolerance_deg is not None:
+            return record | {"tolerance_deg": self.tolerance_deg}
         if self.kind in ANGLES_DEG:
             record |= {
                 name: _finite(getattr(rule, name)) for name in ("angle_deg", "longest_above")

@@ -7,13 +7,13 @@ the run's outcome lies within its error, the next rung repeats it. The detailed 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun, simulate_adaptive
+from gridfold.equivalents.adaptive import AdaptiveRun, Attempt, simulate_adaptive
 from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
@@ -30,38 +30,6 @@ from gridfold.systems.status import Status
 
 #: Part of the tolerance that an estimate may reach.
 TRUSTED = 0.9
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A run that was tried: the most exact model in it, its estimate in degrees, why it was not taken.
-
-    `estimate_deg` is None where the run lost synchronism or no estimate could be made.
-    """
-
-    mode: Mode
-    estimate_deg: float | None
-    refused: str | None = None
-
-
-@dataclass(frozen=True)
-class TolerantRun:
-    """A run within a tolerance, and how it was found.
-
-    Parameters
-    ----------
-    run : AdaptiveRun
-        The run that was taken.
-    error_estimate_deg : float
-        Estimated root mean square error of the worst rotor angle of the study area against the centre
-        of inertia, in degrees; 0 for the detailed run.
-    attempts : tuple of Attempt
-        All runs, the one that was taken last.
-    """
-
-    run: AdaptiveRun
-    error_estimate_deg: float
-    attempts: tuple[Attempt, ...] = field(default=())
 
 
 class TolerantModel:
@@ -97,7 +65,7 @@ class TolerantModel:
         stepper: Stepper | None = None,
         criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
         store: ModelStore | None = None,
-    ) -> TolerantRun:
+    ) -> AdaptiveRun:
         """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`."""
         rest = (events, t_end, stepper, criterion, {} if store is None else store)
         attempts: list[Attempt] = []
@@ -106,11 +74,13 @@ class TolerantModel:
             attempt = self._judge(run)
             attempts.append(attempt)
             if attempt.refused is None and attempt.estimate_deg is not None:
-                return TolerantRun(run, attempt.estimate_deg, tuple(attempts))
+                return replace(
+                    run, error_estimate_deg=attempt.estimate_deg, attempts=tuple(attempts)
+                )
         detailed = simulate(model, *rest)
         modes = (Mode.DETAILED,) * len(detailed.run.pieces)
         attempts.append(Attempt(Mode.DETAILED, 0.0))
-        return TolerantRun(AdaptiveRun(detailed, (), 0.0, modes), 0.0, tuple(attempts))
+        return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts))
 
     def _judge(self, run: AdaptiveRun) -> Attempt:
         order = list(Mode)
