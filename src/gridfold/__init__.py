@@ -15,6 +15,7 @@ from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.calibrate import calibrate
 from gridfold.equivalents.compare import Comparison, compare
 from gridfold.equivalents.error_budget import error_budget
+from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
 from gridfold.equivalents.families import reduce_external as reduce
 from gridfold.equivalents.families import whole_system
 from gridfold.equivalents.folded import fold
@@ -23,6 +24,7 @@ from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import (
     CaseError,
     CaseFileError,
@@ -108,6 +110,8 @@ __all__ = [
     "Control",
     "DetailedModel",
     "DeviceRecord",
+    "ErrorEstimate",
+    "ErrorEstimator",
     "EventError",
     "Generator",
     "GridfoldError",
@@ -141,6 +145,7 @@ __all__ = [
     "StudyStore",
     "SwitchingRule",
     "SynchronismCriterion",
+    "TolerantModel",
     "Trajectory",
     "UnitKey",
     "Unreduced",
