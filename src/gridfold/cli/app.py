@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 
@@ -60,11 +61,13 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends it with a message and exit code 2, without a traceback."""
+    # Pictures go to files: a backend of windows or notebooks may not even be there.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         with threadpool_limits(limits=1, user_api="blas"), warnings.catch_warnings():
             # The commands say themselves what there is to say.
             warnings.simplefilter("ignore", GridfoldWarning)
             app()
     except GridfoldError as error:
-        err.print(f"gridfold: error: {error}", style="red", markup=False, highlight=False)
+        err.print(f"gridfold: error: {error}", style="red")
         sys.exit(ExitCode.BAD_INPUT)

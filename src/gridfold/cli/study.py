@@ -71,7 +71,7 @@ def init(
         sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
         return
     write_template(file)
-    out.print(f"{file} is written. Next: gridfold run {file}", markup=False, highlight=False)
+    out.print(f"{file} is written. Next: gridfold run {file}")
 
 
 def run(
@@ -113,7 +113,7 @@ def run(
         def on_progress(progress: Progress) -> None:
             brake.working = progress.stage is Stage.RUNNING
             for line in shortened(progress.warnings, command="gridfold show FOLDER --json -"):
-                err.print(f"warning: {line}", style="yellow", markup=False, highlight=False)
+                err.print(f"warning: {line}", style="yellow")
             for each in tell:
                 each(progress)
 
@@ -136,7 +136,6 @@ def run(
         err.print(
             f"interrupted: {outcome.done} of {outcome.total} are done; go on with --resume",
             style="yellow",
-            markup=False,
         )
         raise typer.Exit(_INTERRUPTED)
     raise typer.Exit(ExitCode.COMPLETED)
@@ -202,7 +201,7 @@ def report(
     target = folder / "report.html" if file is None else file
     with StudyStore.read(folder) as store:
         write_report(store, target)
-    out.print(f"{target} is written", markup=False, highlight=False)
+    out.print(f"{target} is written")
 
 
 @contextmanager
@@ -210,10 +209,10 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
     """A bar on standard error with counts, rate and time left; silent where that is no terminal."""
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[counts]}", markup=False),
+        TextColumn("{task.fields[counts]}"),
         TimeRemainingColumn(),
     )
     with Bars(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
 
 from gridfold.io.study_store import StudyStore
+from gridfold.report.plain import PlainTable, as_lines
 from gridfold.report.tables import shortened
 from gridfold.study.work import StudyRun
 
@@ -69,7 +68,7 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Not validated"] = _why_not_validated(settings)
     for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
         if lines := settings.get(key):
-            facts[f"{name} ({len(lines)})"] = escape("\n".join(shortened(lines, 3)))
+            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 3))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
         facts["Results"] = str(outcome.folder)
@@ -82,7 +81,7 @@ def _why_not_validated(settings: dict[str, Any]) -> str:
         for item in settings["replacements"]
     ]
     lines += settings.get("unplaced", ())
-    return escape("; ".join(lines)) or "parts of the network are left out"
+    return "; ".join(lines) or "parts of the network are left out"
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
@@ -100,14 +99,14 @@ def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
     )
 
 
-def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> Table:
+def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> PlainTable:
     """The first `limit` rows; columns without any value are left out unless they are asked for."""
     if columns:
         shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
     else:
         shown = {name: what for name, what in _SHOWN.items() if _worth_showing(frame, name)}
     more = f"{len(frame) - limit} more rows" if len(frame) > limit else None
-    table = Table(caption=more, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = PlainTable(caption=more, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rows = frame.head(limit).to_dict("records")
     for name, (heading, digits) in shown.items():
         number = frame[name].dtype.name in ("Float64", "Int64", "int64")
