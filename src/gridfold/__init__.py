@@ -35,6 +35,7 @@ from gridfold.errors import (
     OutputError,
     PowerFlowError,
     StepWarning,
+    TimeLimitError,
 )
 from gridfold.grid.case import (
     Branch,
@@ -141,6 +142,7 @@ __all__ = [
     "StudyStore",
     "SwitchingRule",
     "SynchronismCriterion",
+    "TimeLimitError",
     "Trajectory",
     "UnitKey",
     "Unreduced",

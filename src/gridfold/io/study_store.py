@@ -11,7 +11,7 @@ import io
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -178,10 +178,21 @@ class StudyStore:
         with _telling(self.folder):
             return {row[0] for row in self._connection.execute("SELECT number FROM result")}
 
-    def add(self, results: Sequence[Result]) -> None:
-        """Write results. A contingency that has one is refused."""
+    def failed(self) -> set[int]:
+        """Numbers of the contingencies whose result is a failure."""
+        with _telling(self.folder):
+            rows = self._connection.execute("SELECT number FROM result WHERE status = 'failed'")
+            return {row[0] for row in rows}
+
+    def add(self, results: Sequence[Result], again: Collection[int] = ()) -> None:
+        """Write results. A contingency that has one is refused, but for those tried `again`."""
         with _telling(self.folder), self._connection as connection:
             for result in results:
+                if result.number in again:
+                    for table in ("result", "curves"):
+                        connection.execute(
+                            f"DELETE FROM {table} WHERE number = ?", (result.number,)
+                        )
                 names = ["number", *result.figures]
                 marks = ", ".join("?" * len(names))
                 connection.execute(
