@@ -9,7 +9,7 @@ import warnings
 import typer
 from threadpoolctl import threadpool_limits
 
-from gridfold.cli import analysis, reduced, run, study
+from gridfold.cli import analysis, reduced, run, study, study_results
 from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
 from gridfold.cli.option_groups import flat
@@ -38,8 +38,9 @@ for command in (
     reproduce,
     study.init,
     study.run,
-    study.show,
-    study.report,
+    study_results.show,
+    study_results.report,
+    study_results.check,
 ):
     app.command()(flat(command))
 

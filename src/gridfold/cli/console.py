@@ -30,8 +30,8 @@ err = PlainConsole(stderr=True, highlight=False)
 
 EXIT_CODES = (
     "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
-    "speed; "
-    "1 anything else, such as non-finite states."
+    "speed; 4 contingencies of a study failed; 130 a study was interrupted; 1 anything else, such as "
+    "non-finite states."
 )
 
 

@@ -153,6 +153,8 @@ def _offline(
     earlier = None if store is None else store.identity["settings"]
     offline, contingencies = do_offline_work(study, named, count, earlier)
     if store is not None:
+        if store.identity.get("fingerprint") == offline.case.fingerprint:
+            store.complete_list([item.record() for item in contingencies])
         refuse_changed(store, identity_of(offline), contingencies)
     limit = study.run.time_limit if time_limit is None else time_limit
     return replace(offline, time_limit=limit), contingencies
