@@ -27,13 +27,21 @@ from gridfold.cli.console import ExitCode, err, out
 from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OutputError
 from gridfold.io.study_store import StudyStore
-from gridfold.report.study_tables import failure_lines, result_table, study_counts, study_facts
+from gridfold.report.study_tables import (
+    count_line,
+    failure_lines,
+    result_table,
+    study_counts,
+    study_facts,
+)
 from gridfold.report.tables import facts_table, shortened
 from gridfold.study import Progress, Stage, Workers, run_study
 from gridfold.study.study_file import json_schema, write_template
 
 #: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
 _INTERRUPTED = 130
+#: Rows that are shown at the end of a run.
+_ROWS = 10
 
 _worker_option = partial(typer.Option, rich_help_panel="Workers")
 output_option = partial(typer.Option, rich_help_panel="Output")
@@ -144,7 +152,8 @@ def run(
         out.print(facts_table(study_facts(store, outcome)))
         frame = store.frame(sort="largest_separation_deg", descending=True)
         if outcome.complete:
-            out.print(result_table(frame, 10, study_counts(store)))
+            out.print(result_table(frame, _ROWS))
+            out.print(count_line(len(frame), _ROWS, study_counts(store)))
     if outcome.stage is Stage.INTERRUPTED:
         err.print(
             f"interrupted: {outcome.done} of {outcome.total} are done; go on with --resume",
@@ -169,7 +178,7 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[counts]}"),
+        TextColumn("{task.fields[counts]}", markup=False),
         TimeRemainingColumn(),
     )
     with Bars(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:

@@ -16,7 +16,13 @@ from gridfold.io.spreadsheet import formula_cells, without_formulas
 from gridfold.io.study_repair import check_store, repair_store
 from gridfold.io.study_store import StudyStore
 from gridfold.report.study_report import write_report
-from gridfold.report.study_tables import damage_lines, result_table, study_counts, study_facts
+from gridfold.report.study_tables import (
+    count_line,
+    damage_lines,
+    result_table,
+    study_counts,
+    study_facts,
+)
 from gridfold.report.tables import facts_table
 
 _CHECK_HELP = """Read all of a study's results and say which are whole.
@@ -81,7 +87,8 @@ def show(
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         write_json_option(json, notes | {"results": rows})
     if json != "-":
-        out.print(result_table(frame, limit, counts, wanted))
+        out.print(result_table(frame, limit, wanted))
+        out.print(count_line(len(frame), limit, counts))
 
 
 def report(

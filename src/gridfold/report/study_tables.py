@@ -157,21 +157,19 @@ def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
     )
 
 
-def result_table(
-    frame: pd.DataFrame, limit: int, counts: Counts, columns: Sequence[str] = ()
-) -> PlainTable:
-    """The first `limit` rows; columns without any value are left out unless they are asked for.
+def count_line(rows: int, limit: int, counts: Counts) -> str:
+    """How many rows are shown, chosen and there: no filter hides that others failed."""
+    more = f" ({rows - limit} more rows)" if rows > limit else ""
+    return f"{min(limit, rows)} shown of {rows} rows{more}; {counts}"
 
-    Under it stands how many there are: a filter never hides that others failed.
-    """
+
+def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> PlainTable:
+    """The first `limit` rows; columns without any value are left out unless they are asked for."""
     if columns:
         shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
     else:
         shown = {name: what for name, what in _SHOWN.items() if _worth_showing(frame, name)}
     table = PlainTable(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    shown_rows = f"{min(limit, len(frame))} shown of {len(frame)} rows"
-    more = f" ({len(frame) - limit} more rows)" if len(frame) > limit else ""
-    table.note(f"{shown_rows}{more}; {counts}")
     rows = frame.head(limit).to_dict("records")
     for name, (heading, digits) in shown.items():
         number = frame[name].dtype.name in ("Float64", "Int64", "int64")

@@ -5,6 +5,7 @@ Imported where a cluster is asked for: Dask is optional.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
@@ -13,13 +14,12 @@ from typing import Any
 
 from gridfold.errors import GridfoldError, OptionError
 from gridfold.study.prepare import Offline
-from gridfold.study.processes import NO_START, ready, refuse_nested, solve_offline
+from gridfold.study.processes import NO_START, ready, solve_offline
 from gridfold.study.solve import Batch
 from gridfold.study.team import Team
 
 _dask: Any = import_module("distributed")
 
-LOCAL = "local"
 #: Where the processes of a local cluster listen: nothing from other machines reaches them.
 _LOOPBACK = "127.0.0.1"
 #: Seconds to wait for a scheduler, and times that the cluster repeats what a lost worker had.
@@ -50,7 +50,7 @@ def dask_team(cluster: str, offline: Offline, processes: int) -> Iterator[Team]:
         There is no scheduler, there are no workers, or they do not get as far as the first task.
     """
     with ExitStack() as stack:
-        address = stack.enter_context(_local(processes)) if cluster == LOCAL else cluster
+        address = stack.enter_context(_local(processes)) if cluster == "local" else cluster
         try:
             client = stack.enter_context(_dask.Client(address, timeout=_PATIENCE))
         except (OSError, ValueError, TypeError) as error:
@@ -61,18 +61,23 @@ def dask_team(cluster: str, offline: Offline, processes: int) -> Iterator[Team]:
 @contextmanager
 def _local(processes: int) -> Iterator[Any]:
     """Processes of this machine, which speak TLS where the package cryptography is there."""
-    refuse_nested()
     encrypted = find_spec("cryptography") is not None
     security = _dask.Security.temporary() if encrypted else _dask.Security()
     protocol = "tls" if encrypted else "tcp"
     place = {"host": _LOOPBACK, "protocol": protocol, "security": security, "dashboard": False}
-    worker = {"worker_class": _QuietWorker, "nthreads": 1, "memory_limit": "auto", **place}
+    worker: dict[str, Any] = {
+        "worker_class": _QuietWorker,
+        "nthreads": 1,
+        "memory_limit": "auto",
+        "silence_logs": logging.ERROR,
+        **place,
+    }
     try:
         cluster = _dask.SpecCluster(
             scheduler={"cls": _QuietScheduler, "options": {"port": 0, **place}},
             workers={k: {"cls": _dask.Nanny, "options": worker} for k in range(processes)},
             security=security,
-            silence_logs=True,
+            silence_logs=logging.ERROR,
         )
     except RuntimeError as error:
         raise OptionError(NO_START.format(reason=f": {error}")) from None

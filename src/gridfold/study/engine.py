@@ -28,6 +28,7 @@ from gridfold.study.identity import identity_of, refuse_changed, refuse_other, r
 from gridfold.study.named_files import NamedFiles, read_named
 from gridfold.study.own_devices import code_record, own_errors_are_told, require_trust
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
+from gridfold.study.processes import refuse_nested
 from gridfold.study.solve import Batch, Task
 from gridfold.study.study_file import Study, load_study
 from gridfold.study.summary import column_types
@@ -103,6 +104,8 @@ def run_study(
     start = Path(folder) if folder is not None else (path.parent if path else Path())
     target = _target(out, path)
     kind = _kind(workers)
+    if kind is Workers.PROCESSES or cluster == "local":
+        refuse_nested()
     goes_on = resume or retry_failed
     tell = on_progress or (lambda progress: None)
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))

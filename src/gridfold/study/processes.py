@@ -40,7 +40,6 @@ class Processes:
     """
 
     def __init__(self, count: int, offline: Offline):
-        refuse_nested()
         self.count, self.offline = count, offline
         self.pool = self._new()
 
