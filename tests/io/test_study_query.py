@@ -72,7 +72,9 @@ def test_a_condition_that_takes_long_is_broken_off(monkeypatch):
     connection = sqlite3.connect(":memory:")
     connection.execute("CREATE TABLE result (number INTEGER)")
     connection.executemany("INSERT INTO result VALUES (?)", ((k,) for k in range(2_000)))
-    query = "SELECT a.number + b.number + c.number AS number FROM result AS a, result AS b, result AS c"
+    query = (
+        "SELECT a.number + b.number + c.number AS number FROM result AS a, result AS b, result AS c"
+    )
     began = time.monotonic()
     with pytest.raises(OptionError, match=r"takes longer than 0\.2 s"):
         study_query.chosen_rows(connection, query, "number < 0", "", ["number"])

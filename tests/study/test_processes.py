@@ -21,7 +21,10 @@ CALL = (
     "import json; import gridfold as gf; from gridfold.study.study_file import parse_study\n"
     f"study = parse_study(json.loads('''{json.dumps(STUDY)}'''))\n"
 )
-RUN = "gf.run_study(study, 'out', count=2, {how}, on_progress=lambda p: print(p.done, flush=True))\n"
+RUN = (
+    "gf.run_study(study, 'out', workers='processes', count=2, "
+    "on_progress=lambda progress: print(progress.done, flush=True))\n"
+)
 GUARD = "if __name__ == '__main__':\n    "
 
 
@@ -45,19 +48,16 @@ def alive(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("how", ["workers='processes'", "cluster='local'"])
 @pytest.mark.parametrize("standard_input", [False, True])
 def test_workers_without_a_main_guard_are_one_error_and_nothing_is_written(
-    tmp_path, how, standard_input
+    tmp_path, standard_input
 ):
-    if "cluster" in how:
-        pytest.importorskip("distributed", reason="Dask is not installed")
-    text = CALL + RUN.format(how=how)
+    text = CALL + RUN
     (tmp_path / "program.py").write_text(text)
     called = [sys.executable, "-"] if standard_input else [sys.executable, "program.py"]
     given = {"input": text} if standard_input else {"stdin": subprocess.DEVNULL}
     done = subprocess.run(
-        called, cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False, **given
+        called, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False, **given
     )
     assert done.returncode == 1
     assert "worker processes end before they begin" in done.stderr.splitlines()[-1]
@@ -66,11 +66,8 @@ def test_workers_without_a_main_guard_are_one_error_and_nothing_is_written(
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="there is no /proc")
-@pytest.mark.parametrize("how", ["workers='processes'", "cluster='local'"])
-def test_workers_end_when_their_parent_is_killed(tmp_path, how):
-    if "cluster" in how:
-        pytest.importorskip("distributed", reason="Dask is not installed")
-    (tmp_path / "program.py").write_text(CALL + GUARD + RUN.format(how=how))
+def test_workers_end_when_their_parent_is_killed(tmp_path):
+    (tmp_path / "program.py").write_text(CALL + GUARD + RUN)
     with subprocess.Popen(
         [sys.executable, "program.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
     ) as process:

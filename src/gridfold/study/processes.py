@@ -6,13 +6,17 @@ import contextlib
 import ctypes
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from multiprocessing import connection
+from pathlib import Path
 from threading import Lock, Thread, Timer
 
 from gridfold.errors import GridfoldWarning, OptionError
@@ -40,7 +44,12 @@ class Processes:
     """
 
     def __init__(self, count: int, offline: Offline):
-        self.count, self.offline = count, offline
+        self.count = count
+        # By a file: Python hands arguments to a new process through a pipe, and waits for ever where
+        # that ends before it has read them.
+        self.scratch = tempfile.TemporaryDirectory(prefix="gridfold-")
+        self.offline = Path(self.scratch.name) / "offline.pickle"
+        self.offline.write_bytes(pickle.dumps(offline))
         self.pool = self._new()
 
     def _new(self) -> ProcessPoolExecutor:
@@ -59,15 +68,21 @@ class Processes:
     def __enter__(self) -> Processes:
         try:
             self.pool.submit(_prove).result()
-        except BaseException as error:
-            self.pool.shutdown(cancel_futures=True)
-            if isinstance(error, BrokenExecutor):
-                raise OptionError(NO_START.format(reason="")) from None
+        except BrokenExecutor:
+            self.close()
+            raise OptionError(NO_START.format(reason="")) from None
+        except BaseException:
+            self.close()
             raise
         return self
 
     def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Call back what has not begun, and let the processes end."""
         self.pool.shutdown(cancel_futures=True)
+        self.scratch.cleanup()
 
 
 def refuse_nested() -> None:
@@ -94,10 +109,10 @@ def ready(offline: Offline) -> Prepared:
         return _ready[offline.token]
 
 
-_begun: list[Offline] = []
+_begun: list[Path] = []
 
 
-def _begin(offline: Offline) -> None:
+def _begin(offline: Path) -> None:
     """First of all in a process of its own.
 
     Ctrl-C reaches all processes of a terminal; the one that asked decides what to do.
@@ -108,13 +123,18 @@ def _begin(offline: Offline) -> None:
     _begun.append(offline)
 
 
+@cache
+def _begun_study() -> Prepared:
+    return prepare(pickle.loads(_begun[-1].read_bytes()))
+
+
 def _prove() -> None:
     """The empty first task: what it raises, each task would."""
-    ready(_begun[-1])
+    _begun_study()
 
 
 def _solve(batch: Batch) -> tuple[Solved, ...]:
-    prepared = ready(_begun[-1])
+    prepared = _begun_study()
     limit = prepared.time_limit
     with _last_resort(None if limit is None else limit * len(batch) + _GRACE):
         return solve_batch(prepared, batch)
