@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 import json
 import sqlite3
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,16 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.io.study_schema import (
+    SEAL,
     TABLES,
     figure_columns,
+    is_sealed,
     make_tables,
     quoted,
     seal,
-    study_query,
+    write_contingency,
+    write_result,
 )
 
 #: What a store says about its study; without one of these it cannot be told.
 NEEDED = ("format", "columns")
+#: What it says besides how long its list of contingencies is.
+LISTED = "listed"
 _VERDICTS = ("completed", "lost synchronism", "not finite", "failed")
 _TYPES: dict[str, tuple[type, ...]] = {"INTEGER": (int,), "REAL": (float,), "TEXT": (str,)}
 #: What reading a damaged file raises.
@@ -80,20 +83,10 @@ class Content:
     def write(self, connection: sqlite3.Connection) -> None:
         """Write it as the tables of an empty file, with the results sealed anew."""
         make_tables(connection, self.columns, self.about)
-        connection.executemany(
-            "INSERT INTO contingency VALUES (?, ?, ?, ?)",
-            ((number, *item) for number, item in self.contingencies.items()),
-        )
-        marks = ", ".join("?" * (len(self.columns) + 1))
-        connection.executemany(
-            f"INSERT INTO result VALUES ({marks})",
-            ((number, *row) for number, row in self.results.items()),
-        )
-        query = study_query(self.columns, "events")
-        connection.executemany(
-            "INSERT INTO seal VALUES (?, ?)",
-            ((f"result/{row[0]}", seal(row)) for row in connection.execute(query).fetchall()),
-        )
+        for number, item in self.contingencies.items():
+            write_contingency(connection, (number, *item))
+        for number, row in self.results.items():
+            write_result(connection, number, dict(zip(self.columns, row, strict=True)))
         connection.commit()
 
 
@@ -111,10 +104,12 @@ def examine(connection: sqlite3.Connection) -> Content:
     with suppress(sqlite3.Error):
         connection.execute("BEGIN")
     try:
-        seals = _seals(connection, content)
-        _read_about(connection, content, seals)
-        _read_contingencies(connection, content)
-        _read_results(connection, content, seals)
+        sealed = is_sealed(connection)
+        digest = SEAL if sealed else "NULL"
+        _read_about(connection, content, digest)
+        _read_contingencies(connection, content, digest)
+        _read_results(connection, content, digest)
+        content.unsealed = 0 if sealed else len(content.results)
     finally:
         with suppress(sqlite3.Error):
             connection.rollback()
@@ -127,25 +122,19 @@ def damaged_curves(connection: sqlite3.Connection) -> Iterator[Damage]:
     yield from (Damage("curves", fault) for fault in faults)
     for (number,) in numbers:
         try:
-            row = connection.execute(
-                "SELECT content FROM curves WHERE number = ?", (number,)
-            ).fetchone()
-            unpack(row[0])
-        except CURVES_UNREADABLE as error:
+            query = "SELECT content FROM curves WHERE number = ?"
+            unpack(connection.execute(query, (number,)).fetchone()[0])
+        except (*UNREADABLE, TypeError) as error:
             yield Damage(f"curves of contingency {number}", _reason(error), number)
 
 
 def unpack(content: bytes) -> dict[str, NDArray[Any]]:
-    """Arrays from the bytes of a NumPy archive."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
-
-
-#: What :func:`unpack` raises where the bytes are not those that were written.
-CURVES_UNREADABLE = (
-    *UNREADABLE, zipfile.BadZipFile, zlib.error, EOFError, OSError, KeyError, TypeError,
-    AttributeError, NotImplementedError,
-)  # fmt: skip
+    """Arrays from the bytes of a NumPy archive; a ValueError where they are not whole."""
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except Exception as error:  # whatever the layers of an archive make of foreign bytes
+        raise ValueError(f"it is no archive of arrays: {error}") from None
 
 
 def _require_tables(connection: sqlite3.Connection) -> None:
@@ -155,37 +144,17 @@ def _require_tables(connection: sqlite3.Connection) -> None:
             raise sqlite3.DatabaseError(f"it has no table {name!r}")
 
 
-@dataclass(frozen=True)
-class _Seals:
-    """Seals by what they are of; `partial` where some may be missing."""
-
-    known: Mapping[str, str]
-    partial: bool
-
-    def fault(self, what: str, values: Sequence[Any]) -> str | None:
-        """Why these values are not whole."""
-        known = self.known.get(what)
-        if known == seal(values) or (known is None and self.partial):
-            return None
-        return "it is not what was written"
+def _broken(values: Sequence[Any], digest: Any, sealed: bool) -> str | None:
+    """Why values are not those that were written."""
+    return "it is not what was written" if sealed and digest != seal(values) else None
 
 
-def _seals(connection: sqlite3.Connection, content: Content) -> _Seals:
-    """All seals; none in a store that was made before there were any."""
-    found = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'seal' AND type = 'table'")
-    if found.fetchone() is None:
-        return _Seals({}, partial=True)
-    rows, faults = _scan(connection, "SELECT what, digest FROM seal", "rowid")
-    content.damage += [Damage("seals", fault) for fault in faults]
-    return _Seals({str(what): str(digest) for what, digest in rows}, partial=bool(faults))
-
-
-def _read_about(connection: sqlite3.Connection, content: Content, seals: _Seals) -> None:
-    rows, faults = _scan(connection, "SELECT name, value FROM about", "rowid")
+def _read_about(connection: sqlite3.Connection, content: Content, digest: str) -> None:
+    rows, faults = _scan(connection, f"SELECT name, value, {digest} FROM about", "rowid")
     content.damage += [Damage("description of the study", fault) for fault in faults]
-    for name, value in rows:
+    for name, value, known in rows:
         try:
-            if fault := seals.fault(f"about/{name}", [value]):
+            if fault := _broken((name, value), known, digest == SEAL):
                 raise ValueError(fault)
             json.loads(value)
             content.about[str(name)] = value
@@ -193,36 +162,40 @@ def _read_about(connection: sqlite3.Connection, content: Content, seals: _Seals)
             content.damage.append(Damage(f"description of the study, {name!r}", _reason(error)))
 
 
-def _read_contingencies(connection: sqlite3.Connection, content: Content) -> None:
-    query = "SELECT number, name, kind, events FROM contingency"
+def _read_contingencies(connection: sqlite3.Connection, content: Content, digest: str) -> None:
+    query = f"SELECT number, name, kind, events, {digest} FROM contingency"
     rows, faults = _scan(connection, query, "number")
     content.damage += [Damage("list of contingencies", fault) for fault in faults]
-    for number, *texts in rows:
+    for number, *texts, known in rows:
         try:
             name, kind, events = texts
             if not (isinstance(name, str) and isinstance(kind, str)):
                 raise ValueError("its name is no text")
             if not isinstance(json.loads(events), list):
                 raise ValueError("its events are no list")
+            if fault := _broken((number, *texts), known, digest == SEAL):
+                raise ValueError(fault)
             content.contingencies[int(number)] = (name, kind, events)
         except (*UNREADABLE, TypeError) as error:
             content.damage.append(Damage(f"contingency {number}", _reason(error), number))
+    there, listed = len(content.contingencies), json.loads(content.about.get(LISTED, "0"))
+    if there < listed:
+        content.damage.append(Damage("list of contingencies", f"{there} of {listed} are there"))
 
 
-def _read_results(connection: sqlite3.Connection, content: Content, seals: _Seals) -> None:
+def _read_results(connection: sqlite3.Connection, content: Content, digest: str) -> None:
     chosen = ", ".join(map(quoted, ["number", *content.columns]))
-    rows, faults = _scan(connection, f"SELECT {chosen} FROM result", "number")
+    rows, faults = _scan(connection, f"SELECT {chosen}, {digest} FROM result", "number")
     content.damage += [Damage("results", fault) for fault in faults]
-    for number, *row in rows:
+    for number, *row, known in rows:
         contingency = content.contingencies.get(number)
         fault = _fault(dict(zip(content.columns, row, strict=True)), content.columns)
         if contingency is None:
             fault = "its contingency is not in the list"
         elif fault is None:
             name, kind, events = contingency
-            fault = seals.fault(f"result/{number}", [number, name, kind, *row, events])
+            fault = _broken((number, name, kind, *row, events), known, digest == SEAL)
         if fault is None:
-            content.unsealed += f"result/{number}" not in seals.known
             content.results[int(number)] = tuple(row)
         else:
             content.damage.append(Damage(f"result of contingency {number}", fault, number))

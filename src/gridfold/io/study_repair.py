@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gridfold.errors import OptionError
-from gridfold.io.study_damage import Content, Damage, damaged_curves, examine
+from gridfold.io.study_damage import LISTED, Content, Damage, damaged_curves, examine
 from gridfold.io.study_folder import locked, telling
 from gridfold.io.study_schema import FILE, connect
 from gridfold.io.study_store import INCOMPLETE, StudyStore
@@ -85,8 +85,7 @@ def repair_store(folder: str | Path) -> Repair:
             _require_repairable(folder, damage)
             lost = {item.number for item in damage if item.number is not None}
             kept = {k: row for k, row in content.results.items() if k not in lost}
-            listed = [item for item in damage if item.what.startswith(("list of", "contingency "))]
-            about = content.about | ({INCOMPLETE: json.dumps(True)} if listed else {})
+            about = content.about | {INCOMPLETE: json.dumps(True), LISTED: "0"}
             whole = replace(content, results=kept, about=about)
             repaired = folder / f"{FILE}.new"
             repaired.unlink(missing_ok=True)

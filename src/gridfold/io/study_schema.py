@@ -13,8 +13,10 @@ from typing import Any
 FORMAT = 1
 #: The file of a store in its folder.
 FILE = "study.sqlite"
-#: Tables that a store must have, and those of one that was made before there were seals.
+#: Tables that a store must have.
 TABLES = ("about", "contingency", "result", "curves")
+#: Column of the digest by which a row is known to be the one that was written.
+SEAL = "seal"
 _COLUMN_TYPES = {bool: "INTEGER", int: "INTEGER", float: "REAL", str: "TEXT"}
 
 
@@ -40,29 +42,48 @@ def make_tables(
     about : mapping
         What the study is about, as JSON.
     """
-    figures = ", ".join(f"{quoted(name)} {kind}" for name, kind in columns.items())
-    connection.execute("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
+    figures = "".join(f"{quoted(name)} {kind}, " for name, kind in columns.items())
     connection.execute(
-        "CREATE TABLE contingency (number INTEGER PRIMARY KEY, name TEXT NOT NULL, "
-        "kind TEXT NOT NULL, events TEXT NOT NULL)"
+        f"CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL, {SEAL} TEXT)"
     )
     connection.execute(
-        f"CREATE TABLE result (number INTEGER PRIMARY KEY REFERENCES contingency, {figures})"
+        "CREATE TABLE contingency (number INTEGER PRIMARY KEY, name TEXT NOT NULL, "
+        f"kind TEXT NOT NULL, events TEXT NOT NULL, {SEAL} TEXT)"
+    )
+    connection.execute(
+        f"CREATE TABLE result (number INTEGER PRIMARY KEY REFERENCES contingency, {figures}{SEAL} TEXT)"
     )
     connection.execute(
         "CREATE TABLE curves (number INTEGER PRIMARY KEY REFERENCES result, content BLOB)"
     )
-    make_seals(connection)
     connection.execute(f"CREATE VIEW study AS {study_query(columns)}")
     for name, value in about.items():
         write_about(connection, name, value)
 
 
-def make_seals(connection: sqlite3.Connection) -> None:
-    """The table of seals where it is not there yet."""
-    connection.execute(
-        "CREATE TABLE IF NOT EXISTS seal (what TEXT PRIMARY KEY, digest TEXT NOT NULL)"
+def is_sealed(connection: sqlite3.Connection) -> bool:
+    """Whether the store is of a version that seals its rows."""
+    return all(
+        any(row[1] == SEAL for row in connection.execute(f"PRAGMA table_info({table})"))
+        for table in ("about", "contingency", "result")
     )
+
+
+def seal_all(connection: sqlite3.Connection) -> None:
+    """Seal what a store of a version without seals has, within a transaction of the caller's."""
+    if is_sealed(connection):
+        return
+    for table in ("about", "contingency", "result"):
+        connection.execute(f"ALTER TABLE {table} ADD COLUMN {SEAL} TEXT")
+    for name, value in connection.execute("SELECT name, value FROM about").fetchall():
+        write_about(connection, name, value)
+    query = "SELECT number, name, kind, events FROM contingency"
+    for row in connection.execute(query).fetchall():
+        connection.execute(
+            f"UPDATE contingency SET {SEAL} = ? WHERE number = ?", (seal(row), row[0])
+        )
+    for (number,) in connection.execute("SELECT number FROM result").fetchall():
+        _seal_result(connection, number)
 
 
 def sql_types(columns: Mapping[str, type]) -> dict[str, str]:
@@ -78,8 +99,13 @@ def study_query(columns: Iterable[str], *further: str) -> str:
 
 def write_about(connection: sqlite3.Connection, name: str, value: str) -> None:
     """Note something about the study with its seal, within a transaction of the caller's."""
-    connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (name, value))
-    _write_seal(connection, f"about/{name}", [value])
+    row = (name, value, seal((name, value)))
+    connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?, ?)", row)
+
+
+def write_contingency(connection: sqlite3.Connection, row: tuple[int, str, str, str]) -> None:
+    """Number, name, kind and events with their seal, within a transaction of the caller's."""
+    connection.execute("INSERT INTO contingency VALUES (?, ?, ?, ?, ?)", (*row, seal(row)))
 
 
 def write_result(connection: sqlite3.Connection, number: int, figures: Mapping[str, Any]) -> None:
@@ -88,17 +114,21 @@ def write_result(connection: sqlite3.Connection, number: int, figures: Mapping[s
     marks = ", ".join("?" * (len(figures) + 1))
     values = (number, *figures.values())
     connection.execute(f"INSERT INTO result ({names}) VALUES ({marks})", values)
-    # Sealed as it is read back: SQLite changes types to those of the columns.
+    _seal_result(connection, number)
+
+
+def _seal_result(connection: sqlite3.Connection, number: int) -> None:
+    """Seal a row as it is read back: SQLite changes types to those of the columns."""
     query = study_query(figure_columns(connection), "events") + " WHERE result.number = ?"
     row = connection.execute(query, (number,)).fetchone()
     if row is not None:
-        _write_seal(connection, f"result/{number}", row)
+        connection.execute(f"UPDATE result SET {SEAL} = ? WHERE number = ?", (seal(row), number))
 
 
 def figure_columns(connection: sqlite3.Connection) -> dict[str, str]:
     """Types in SQL of the figures that the file has."""
     found = connection.execute("PRAGMA table_info(result)").fetchall()
-    return {row[1]: row[2] for row in found if row[1] != "number"}
+    return {row[1]: row[2] for row in found if row[1] not in ("number", SEAL)}
 
 
 def seal(values: Sequence[Any]) -> str:
@@ -109,7 +139,3 @@ def seal(values: Sequence[Any]) -> str:
 def quoted(name: str) -> str:
     """A name in SQL."""
     return '"' + name.replace('"', '""') + '"'
-
-
-def _write_seal(connection: sqlite3.Connection, what: str, values: Sequence[Any]) -> None:
-    connection.execute("INSERT OR REPLACE INTO seal VALUES (?, ?)", (what, seal(values)))

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from gridfold.errors import OptionError, OutputError
 from gridfold.io.study_damage import (
-    CURVES_UNREADABLE,
+    LISTED,
     NEEDED,
+    UNREADABLE,
     Content,
     Damage,
     examine,
@@ -36,11 +37,12 @@ from gridfold.io.study_schema import (
     FORMAT,
     connect,
     figure_columns,
-    make_seals,
     make_tables,
+    seal_all,
     sql_types,
     study_query,
     write_about,
+    write_contingency,
     write_result,
 )
 
@@ -152,7 +154,7 @@ class StudyStore:
                         "says what is whole, and with --repair goes on with that"
                     )
                 with connection:
-                    make_seals(connection)
+                    seal_all(connection)
                 return store
         except BaseException:
             held.release()
@@ -205,6 +207,14 @@ class StudyStore:
         """Names of all columns of :meth:`frame`."""
         with telling(self.folder):
             return ("number", "name", "kind", *figure_columns(self._whole))
+
+    def require(self, *names: str) -> dict[str, Any]:
+        """What the study is about; an OutputError unless all of `names` are there."""
+        about = self.identity
+        if missing := [name for name in names if name not in about]:
+            why = next((str(item) for item in self.damage), "it was never written")
+            raise OutputError(f"{self.folder / FILE}: {missing[0]!r} cannot be read: {why}")
+        return about
 
     def tell(self, name: str, value: Any) -> None:
         """Note something further about the study, ready for JSON."""
@@ -297,7 +307,7 @@ class StudyStore:
                 "SELECT content FROM curves WHERE number = ?", (number,)
             ).fetchone()
             return None if row is None else unpack(row[0])
-        except CURVES_UNREADABLE as error:
+        except UNREADABLE as error:
             self.damage.append(Damage(f"curves of contingency {number}", str(error), number))
             return None
 
@@ -317,12 +327,11 @@ class StudyStore:
             connection.execute("DELETE FROM about WHERE name = ?", (INCOMPLETE,))
 
     def _checked(self) -> StudyStore:
-        identity = self.identity
-        if missing := [name for name in NEEDED if name not in identity]:
+        try:
+            found = self.require(*NEEDED)["format"]
+        except OutputError:
             self.close()
-            why = next((str(item) for item in self.damage), f"{missing[0]!r} is missing")
-            raise OutputError(f"{self.folder / FILE}: it does not say what study it is of: {why}")
-        found = identity["format"]
+            raise
         if found != FORMAT:
             self.close()
             raise OptionError(
@@ -340,6 +349,7 @@ def _write_new(
     about = {
         "format": FORMAT,
         "columns": {name: kind.__name__ for name, kind in columns.items()},
+        LISTED: len(contingencies),
         **identity,
     }
     make_tables(connection, sql_types(columns), {name: _json(v) for name, v in about.items()})
@@ -347,10 +357,9 @@ def _write_new(
 
 
 def _write_list(connection: sqlite3.Connection, contingencies: Sequence[Mapping[str, Any]]) -> None:
-    connection.executemany(
-        "INSERT INTO contingency VALUES (?, ?, ?, ?)",
-        [(c["number"], c["name"], c["kind"], _json(c["events"])) for c in contingencies],
-    )
+    for item in contingencies:
+        row = (item["number"], item["name"], item["kind"], _json(item["events"]))
+        write_contingency(connection, row)
 
 
 def _json(value: Any) -> str:
