@@ -69,6 +69,12 @@ class Deadline:
 _current: ContextVar[Deadline | None] = ContextVar("deadline", default=None)
 
 
+def check_limit(seconds: float | None) -> None:
+    """Raise an OptionError unless this is no limit, or a positive number of seconds."""
+    if seconds is not None and not 0 < seconds < float("inf"):
+        raise OptionError(f"the time limit must be a positive number of seconds, not {seconds!r}")
+
+
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Runs of this thread within the block end with a TimeLimitError `seconds` after its beginning.
@@ -83,8 +89,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     if seconds is None:
         yield
         return
-    if not 0 < seconds < float("inf"):
-        raise OptionError(f"the time limit must be a positive number of seconds, not {seconds!r}")
+    check_limit(seconds)
     deadline = Deadline(seconds)
     timer = Timer(seconds, deadline.expire)
     timer.daemon = True

@@ -21,6 +21,7 @@ from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.deadline import check_limit
 from gridfold.study.executors import Workers, team
 from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.grid_map import grid_map
@@ -104,6 +105,7 @@ def run_study(
     start = Path(folder) if folder is not None else (path.parent if path else Path())
     target = _target(out, path)
     kind = _kind(workers)
+    check_limit(time_limit)
     if kind is Workers.PROCESSES or cluster == "local":
         refuse_nested()
     goes_on = resume or retry_failed
