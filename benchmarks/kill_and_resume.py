@@ -1,8 +1,9 @@
 """Studies that are killed (SIGKILL) at work and resumed until they are done.
 
 ``python benchmarks/kill_and_resume.py [KILLS]``: threads, processes and a local cluster, with the
-detailed model and a reduced one. A kill counts if a new result was there. Every contingency must have
-one row, equal to that of an undisturbed run apart from times of the machine, and no process may be left.
+detailed model and a reduced one. A kill counts if a new result was there. Every contingency must
+have one row, equal to that of an undisturbed run apart from times of the machine, and no process may
+be left.
 """
 
 from __future__ import annotations
