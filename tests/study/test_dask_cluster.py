@@ -2,6 +2,7 @@
 
 import ipaddress
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -22,8 +23,9 @@ def listening(pids: set[int]) -> list[tuple[str, int]]:
     sockets = set()
     for pid in pids:
         for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-            target = str(descriptor.readlink())
-            sockets.add(target.removeprefix("socket:[").removesuffix("]"))
+            with suppress(FileNotFoundError):  # closed while we look
+                target = str(descriptor.readlink())
+                sockets.add(target.removeprefix("socket:[").removesuffix("]"))
     found = []
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
