@@ -75,7 +75,7 @@ def say_method(reason: str | None) -> None:
 def say_doubts(doubts: Sequence[str]) -> None:
     """Tell what speaks against the time step."""
     for doubt in doubts:
-        out.print(f"warning: {doubt}", style="yellow", markup=False, highlight=False)
+        out.print(f"warning: {doubt}", style="yellow")
 
 
 def say_model(name: str, reason: str | None) -> None:
