@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser lint docs bench bench-peers bench-polish bench-low-rank bench-auto clean
+.PHONY: demo test test-browser lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -25,6 +25,10 @@ lint: $(VENV)/.dev
 
 docs: $(VENV)/.dev
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
+# 500 kills at work, over threads, processes and a local cluster: some hours.
+kill-test: $(VENV)/.dev
+	$(BIN)/python benchmarks/kill_and_resume.py
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run_all.py

@@ -45,7 +45,7 @@ MADE_ELSEWHERE = {
     "polish": ("make bench-polish", 2),
     "low_rank": ("make bench-low-rank", 2),
     "studies": ("python benchmarks/studies.py", 3),
-    "kill_and_resume": ("python benchmarks/kill_and_resume.py", 3),
+    "kill_and_resume": ("make kill-test", 3),
 }
 
 _TABLES: dict[str, type] = {

@@ -37,6 +37,7 @@ from gridfold.errors import (
     OutputError,
     PowerFlowError,
     StepWarning,
+    TimeLimitError,
 )
 from gridfold.grid.case import (
     Branch,
@@ -145,6 +146,7 @@ __all__ = [
     "StudyStore",
     "SwitchingRule",
     "SynchronismCriterion",
+    "TimeLimitError",
     "TolerantModel",
     "Trajectory",
     "UnitKey",

@@ -10,6 +10,7 @@
     ├── PowerFlowError        the power flow has no solution, or none was found
     ├── InitializationError   the dynamic model has no equilibrium at the power-flow solution
     ├── NetworkError          the network equations of one network state cannot be solved
+    ├── TimeLimitError        something took longer than it was allowed
     └── OutputError           a result cannot be written
 
     GridfoldWarning           root of its warnings (Python's ``warnings``)
@@ -77,6 +78,10 @@ class InitializationError(GridfoldError):
 
 class NetworkError(GridfoldError):
     """The network equations of one network state cannot be solved."""
+
+
+class TimeLimitError(GridfoldError):
+    """Something took longer than it was allowed."""
 
 
 class OutputError(GridfoldError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 
@@ -280,3 +281,28 @@ def test_an_island_that_runs_away_ends_with_a_code_and_its_figures(command, tmp_
         "detailed",
     )
     assert code == 0
+
+
+def test_a_backend_of_a_notebook_costs_neither_picture_nor_file(command, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    arguments = ("simulate", "npcc", "--fault-bus", 3, "--t-end", 0.2)
+    files = ("--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
+    assert command(*arguments, *files)[0] == 0
+    assert os.environ["MPLBACKEND"] == "agg"
+    assert (tmp_path / "a.png").stat().st_size > 0
+
+
+def test_what_is_cheap_is_written_before_a_picture_fails(command, tmp_path):
+    """The folder of the picture is a file."""
+    (tmp_path / "file").write_text("")
+    files = ("--json", tmp_path / "a.json", "--plot", tmp_path / "file" / "a.png")
+    for arguments in (
+        ("simulate", "npcc", "--fault-bus", 3, "--t-end", 0.2, "--csv", tmp_path / "a.csv"),
+        ("eigenvalues", "npcc"),
+    ):
+        code, out, err = command(*arguments, *files)
+        assert (code, "cannot be written" in " ".join(err.split())) == (2, True)
+        assert json.loads((tmp_path / "a.json").read_text())["case"] == "npcc"
+        assert out
+        (tmp_path / "a.json").unlink()
+    assert (tmp_path / "a.csv").exists()

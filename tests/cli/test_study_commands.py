@@ -4,12 +4,15 @@ import hashlib
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 
 import pandas as pd
 import pytest
+
+from gridfold.study import solve
 
 SHORT = """schema = 1
 name = "short"
@@ -229,3 +232,99 @@ def test_own_code_that_ends_the_program_is_bad_input(command, own):
     (own / "own.py").write_text("import sys\nsys.exit(0)\n")
     code, _, err = command("run", "own.toml", "--trust-devices")
     assert (code, "own.py:2:thecodeofadevicemodelaskstoend" in squeezed(err)) == (2, True)
+
+
+HOSTILE = "[/Town] fault \\u001b[31m $a$ \\u202e"
+
+
+def test_names_are_text_in_every_table_and_error(command, here):
+    (here / "short.toml").write_text(
+        SHORT.replace("1-4,26", "1").replace('"short"', f'"{HOSTILE}"')
+        + f'[[contingency]]\nname = "{HOSTILE}"\n'
+        + 'events = [{kind="bus-fault", bus=2, duration=0.05}]\n'
+    )
+    for arguments in (
+        ("run", "short.toml"),
+        ("show", "short.results"),
+        ("report", "short.results"),
+    ):
+        code, out, err = command(*arguments)
+        assert code == 0
+        assert "\x1b" not in out + err
+        assert "\u202e" not in out + err
+        assert arguments[0] == "report" or out.count("[/Town] fault") == 2
+    page = (here / "short.results" / "report.html").read_text(encoding="utf-8")
+    assert r"[/Town] fault \\x1b[31m $a$ \\u202e" in page
+    assert "\u202e" not in page
+    code, _, err = command("show", "short.results", "--sort", "[/x]\x1b[31m")
+    assert (code, "there is no column '[/x]\\x1b[31m'" in plain(err)) == (2, True)
+
+
+def test_formulas_in_a_csv_file_are_told_and_defused(command, here):
+    section = '[[contingency]]\nname = "=1+1"\nevents = [{kind="bus-fault", bus=2}]\n'
+    (here / "short.toml").write_text(SHORT.replace("1-4,26", "1") + section)
+    assert command("run", "short.toml")[0] == 0
+    _, _, err = command("show", "short.results", "--csv", "a.csv")
+    assert "1 text as formulas; --csv-safe" in plain(err)
+    assert pd.read_csv(here / "a.csv")["name"].tolist() == ["bus 1", "=1+1"]
+    _, _, err = command("show", "short.results", "--csv", "a.csv", "--csv-safe")
+    assert "begin with ' now" in plain(err)
+    assert pd.read_csv(here / "a.csv")["name"].tolist() == ["bus 1", "'=1+1"]
+    code, _, err = command("show", "short.results", "--csv-safe")
+    assert (code, "give --csv" in plain(err)) == (2, True)
+
+
+def test_failed_rows_have_an_exit_code_are_counted_and_tried_again(command, here, monkeypatch):
+    original = solve.simulate
+
+    def simulate(model, events, *rest):
+        if events[0].bus in (1, 3):
+            raise MemoryError("[/no] room")
+        return original(model, events, *rest)
+
+    monkeypatch.setattr(solve, "simulate", simulate)
+    code, out, err = command("run", "short.toml")
+    assert code == 4
+    assert "'bus 1' failed: MemoryError: [/no] room" in plain(err)
+    assert "2 of 5 failed; --retry-failed tries them again" in plain(err)
+    assert "5 shown of 5 rows; 5 contingencies: 2 stable, 1 not, 2 failed" in plain(out)
+    code, out, _ = command("show", "short.results", "--where", "stable = 1", "--limit", 1)
+    assert code == 0
+    assert "1 shown of 2 rows (1 more rows); 5 contingencies: 2 stable, 1 not, 2 failed" in plain(
+        out
+    )
+    _, out, _ = command("show", "short.results", "--where", "stable = 1", "--json", "-")
+    counts = {"total": 5, "stable": 2, "unstable": 1, "failed": 2, "waiting": 0}
+    assert json.loads(out)["counts"] == counts
+    assert command("run", "short.toml", "--resume")[0] == 4, "it is not forgotten"
+    monkeypatch.undo()
+    monkeypatch.chdir(here)
+    code, out, _ = command("run", "short.toml", "--retry-failed")
+    assert (code, "4 stable, 1 not, 0 failed" in plain(out)) == (0, True)
+
+
+def test_a_time_limit_makes_slow_contingencies_fail(command, here):
+    (here / "short.toml").write_text(SHORT.replace("1-4,26", "1") + "step = 1e-5\n")
+    code, _, err = command("run", "short.toml", "--time-limit", 0.05)
+    assert (code, "not done within the time limit of 0.05 s" in plain(err)) == (4, True)
+    code, _, err = command("run", "short.toml", "--time-limit", 0, "--out", "b")
+    assert (code, "positive number of seconds" in plain(err)) == (2, True)
+
+
+def test_a_damaged_study_is_checked_repaired_and_gone_on_with(command, here):
+    assert command("run", "short.toml")[0] == 0
+    assert command("check", "short.results")[0] == 0
+    with sqlite3.connect(here / "short.results" / "study.sqlite") as connection:
+        connection.execute("UPDATE result SET largest_separation_deg = 1.0 WHERE number = 2")
+    connection.close()
+    code, out, err = command("show", "short.results")
+    assert (code, "bus 2 " in out, "4 shown of 4 rows" in plain(out)) == (0, False, True)
+    assert "result of contingency 2: it is not what was written" in plain(err)
+    assert command("run", "short.toml", "--resume")[0] == 2
+    code, out, _ = command("check", "short.results")
+    assert (code, "4 results of 5 contingencies" in plain(out)) == (1, True)
+    code, out, _ = command("check", "short.results", "--repair", "--json", "-")
+    assert (code, json.loads(out)["repaired"]["kept"]) == (0, 4)
+    code, out, _ = command("run", "short.toml", "--resume")
+    assert (code, "5 of 5 done" in out) == (0, True)
+    assert command("check", "short.results")[0] == 0

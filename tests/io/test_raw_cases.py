@@ -1,4 +1,5 @@
 import os
+import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -494,3 +495,11 @@ def test_a_public_sample_of_revision_35_is_read_without_its_dc_lines():
     assert told["FACTS DEVICE section"] == told["VSC DC LINE section"] == 1
     assert told["two-terminal dc line "] == 2
     assert sum("impedance correction" in line for line in case.unsupported) == 8
+
+
+@pytest.mark.parametrize("space", [" ", "\t", " \t"])
+def test_a_section_mark_of_any_length_takes_no_time(space):
+    marks = [f"0 / {words}{space * 20_000}X" for words in ("BEGIN", "END OF", "START OF")]
+    began = time.monotonic()
+    find_sections("\n".join(["0, 100.0, 33, 0, 0, 60.0", "", "", *marks, "Q"]))
+    assert time.monotonic() - began < 2.0

@@ -87,11 +87,11 @@ def test_a_wrong_place_is_refused(npcc, text, said):
 
 def test_a_table_gives_contingencies_of_one_or_more_events(npcc, tmp_path):
     (tmp_path / "list.csv").write_text(
-        "name,kind,bus,duration,branch,time\n"
+        "name,event,kind,bus,duration,branch,time\n"
         "# a comment\n"
-        "short,bus-fault,3,0.1,,\n"
-        "double,bus-fault,5,0.2,,\n"
-        "double,branch-trip,,,3-2,0.2\n"
+        "short,,bus-fault,3,0.1,,\n"
+        "double,1,bus-fault,5,0.2,,\n"
+        "double,2,branch-trip,,,3-2,0.2\n"
     )
     found = listed(npcc, tmp_path, csv="list.csv")
     assert [(item.name, item.kind) for item in found] == [
@@ -99,6 +99,30 @@ def test_a_table_gives_contingencies_of_one_or_more_events(npcc, tmp_path):
         ("double", "events"),
     ]
     assert found[1].events == (gf.BusFault(5, duration=0.2), gf.BranchTrip("3-2", 0.2))
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("name,kind,bus\nx,bus-fault,3\nx,bus-fault,4\nx,bus-fault,5\n", "list.csv:4: 'x' is"),
+        ("name,kind,bus\nx,bus-fault,3\ny,bus-fault,4\nx ,bus-fault,3\n", "name in line 2"),
+        ("name,kind,bus\nx,bus-fault,3\nx\u200b,bus-fault,4\n", "name in line 2 already"),
+        ("name,event,kind,bus\nx,1,bus-fault,3\nx,1,bus-fault,4\n", "this event in line 2"),
+        ("name,event,kind,bus\nx,,bus-fault,3\nx,,bus-fault,4\n", "this event in line 2"),
+    ],
+)
+def test_rows_of_one_name_are_never_joined_in_silence(npcc, tmp_path, table, said):
+    (tmp_path / "list.csv").write_text(table)
+    with pytest.raises(gf.CaseFileError) as caught:
+        listed(npcc, tmp_path, csv="list.csv")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["bus  3", "bus 3\u200b", "\u202ebus 3", "bus\u00a03"])
+def test_names_that_look_alike_are_one_name(npcc, name):
+    section = {"name": name, "events": [{"kind": "bus-fault", "bus": 4}]}
+    with pytest.raises(gf.OptionError, match="one name: 'bus 3', "):
+        listed(npcc, bus_faults="3", contingency=[section])
 
 
 def test_faults_of_a_table_are_named_with_their_lines(npcc, tmp_path):
@@ -127,7 +151,7 @@ def test_nothing_to_do_and_two_of_one_name_are_refused(npcc):
     with pytest.raises(gf.OptionError, match="no contingencies"):
         listed(npcc)
     section = {"name": "bus 3", "events": [{"kind": "bus-fault", "bus": 4}]}
-    with pytest.raises(gf.OptionError, match="one name: bus 3"):
+    with pytest.raises(gf.OptionError, match="one name: 'bus 3'"):
         listed(npcc, bus_faults="3", contingency=[section])
 
 

@@ -1,6 +1,7 @@
 """The study file: every key is read, every fault is named with its line."""
 
 import json
+import time
 
 import jsonschema
 import pytest
@@ -206,3 +207,25 @@ def test_the_schema_accepts_what_is_accepted_and_refuses_unknown_keys(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CaseFileError, match=r"nothing\.toml"):
         load_study(tmp_path / "nothing.toml")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["[" + " " * 5000, "[[" + " a" * 3000, "\t[" + "a." * 3000, " " * 9000 + "=", "[" * 5000],
+)
+def test_a_line_of_a_text_that_looks_like_a_table_takes_no_time(tmp_path, line):
+    path = tmp_path / "study.toml"
+    path.write_text(f'name = """x\n{line}"""\n[contingencies]\nbus_fault = "1"\n')
+    began = time.monotonic()
+    with pytest.raises(CaseFileError, match=r"study\.toml:4: unknown key"):
+        load_study(path)
+    assert time.monotonic() - began < 2.0
+
+
+def test_lines_are_found_whatever_the_spelling_of_keys(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text('[ "run" ]\n"t_end" = -1\n\n  [ model ] # a comment\n  kind = "x"\n')
+    with pytest.raises(CaseFileError) as caught:
+        load_study(path)
+    assert "study.toml:2: run.t_end" in str(caught.value)
+    assert "study.toml:5: model.kind" in str(caught.value)

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.markup import escape
 
 from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
@@ -31,6 +30,7 @@ from gridfold.cli.options import (
 from gridfold.equivalents.auto import Work
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import parse_numbers
+from gridfold.report.plain import as_lines
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
 from gridfold.report.tables import (
@@ -132,11 +132,10 @@ def _print_info(found: CaseInfo) -> None:
         out.print(device_table(found.models))
     if found.skipped:
         skipped = [f"line {item.line}: {item.text}" for item in found.skipped]
-        lines = "\n".join(escape(line) for line in shortened(skipped))
-        out.print(facts_table({f"Skipped records ({len(skipped)})": lines}))
+        out.print(facts_table({f"Skipped records ({len(skipped)})": as_lines(shortened(skipped))}))
     say_basis(found.basis)
     for line in filter(None, (found.trouble, *found.advice)):
-        out.print(line, style="yellow", markup=False, highlight=False)
+        out.print(line, style="yellow")
 
 
 def eigenvalues(
@@ -158,8 +157,6 @@ def eigenvalues(
     model = source.build()
     basis = basis_of(model)
     modes = small_signal(model)
-    if plot is not None:
-        plot_eigenvalues(modes, model.case.name, plot)
     listed = [k for k, value in enumerate(modes.eigenvalues) if value.imag >= 0]
     if order is ModeOrder.DAMPING:
         oscillating = [k for k in listed if modes.eigenvalues[k].imag > 0]
@@ -178,6 +175,8 @@ def eigenvalues(
         text = f"Rightmost eigenvalue apart from the common angle: {rightmost.real:+.6f}"
         out.print(text + (f" ± {abs(rightmost.imag):.6f}j" if rightmost.imag else ""))
         say_basis(basis)
+    if plot is not None:
+        plot_eigenvalues(modes, model.case.name, plot)
 
 
 #: Runs that a critical clearing time takes, roughly.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 
 import typer
 from threadpoolctl import threadpool_limits
 
-from gridfold.cli import analysis, reduced, run, study
+from gridfold.cli import analysis, reduced, run, study, study_results
 from gridfold.cli.calibrate import calibrate
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
 from gridfold.cli.option_groups import flat
@@ -37,8 +38,9 @@ for command in (
     reproduce,
     study.init,
     study.run,
-    study.show,
-    study.report,
+    study_results.show,
+    study_results.report,
+    study_results.check,
 ):
     app.command()(flat(command))
 
@@ -60,11 +62,13 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends it with a message and exit code 2, without a traceback."""
+    # Pictures go to files: a backend of windows or notebooks may not even be there.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         with threadpool_limits(limits=1, user_api="blas"), warnings.catch_warnings():
             # The commands say themselves what there is to say.
             warnings.simplefilter("ignore", GridfoldWarning)
             app()
     except GridfoldError as error:
-        err.print(f"gridfold: error: {error}", style="red", markup=False, highlight=False)
+        err.print(f"gridfold: error: {error}", style="red")
         sys.exit(ExitCode.BAD_INPUT)

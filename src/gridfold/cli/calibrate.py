@@ -7,7 +7,6 @@ from enum import Enum
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from gridfold.cli.console import (
     ExitCode,
@@ -42,6 +41,7 @@ from gridfold.grid.number_ranges import as_ranges, parse_numbers
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
+from gridfold.report.plain import PlainTable
 from gridfold.runs.basis import basis_of
 from gridfold.runs.clearing_time import critical_clearing_times
 from gridfold.runs.method import Choice
@@ -152,7 +152,7 @@ def _critical(
 
 
 def _print(result: Calibration) -> None:
-    table = Table(title="Thresholds", title_justify="left")
+    table = PlainTable(title="Thresholds", title_justify="left")
     for name in ("threshold of", "value", "worst error", "the value before failed at", "runs", "s"):
         table.add_column(name, overflow="fold")
     for found in result.thresholds.values():
@@ -166,14 +166,14 @@ def _print(result: Calibration) -> None:
         )
     out.print(table)
     kept = ", ".join(map(str, result.kept)) or "none"
-    out.print(f"Kept nonlinear with {result.column_norm:g} p.u.: {kept}.", markup=False)
+    out.print(f"Kept nonlinear with {result.column_norm:g} p.u.: {kept}.")
     count = result.detailed_runs - len(result.left_out)
     out.print(
         f"Limit {result.limit_deg:g} degrees RMS; {count} contingencies; {result.seconds:.1f} s."
     )
     for item in result.left_out:
         text = f"Left out, {item.status.value}: {_text(item.contingency)}"
-        out.print(text, style="yellow", markup=False)
+        out.print(text, style="yellow")
 
 
 def _value(result: Calibration, found: Threshold) -> str:

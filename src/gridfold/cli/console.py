@@ -10,7 +10,6 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -21,17 +20,18 @@ from rich.progress import (
 )
 
 from gridfold.io.results import write_json
+from gridfold.report.plain import PlainConsole, visible
 from gridfold.report.tables import basis_facts, doubt_lines, facts_table
 from gridfold.runs.basis import Basis
 from gridfold.systems.status import Status
 
-out = Console()
-err = Console(stderr=True)
+out = PlainConsole(highlight=False)
+err = PlainConsole(stderr=True, highlight=False)
 
 EXIT_CODES = (
     "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
-    "speed; "
-    "1 anything else, such as non-finite states."
+    "speed; 4 contingencies of a study failed; 130 a study was interrupted; 1 anything else, such as "
+    "non-finite states."
 )
 
 
@@ -42,6 +42,7 @@ class ExitCode(IntEnum):
     FAILED = 1
     BAD_INPUT = 2
     LOST_SYNCHRONISM = 3
+    ROWS_FAILED = 4
 
 
 def exit_code(status: Status) -> ExitCode:
@@ -68,29 +69,29 @@ def speaks_to_people(json_path: str | None) -> bool:
 
 def say_method(reason: str | None) -> None:
     """Tell which integration rule was chosen, and why."""
-    out.print(f"Method {reason}", style="dim", markup=False, highlight=False)
+    out.print(f"Method {reason}", style="dim")
 
 
 def say_doubts(doubts: Sequence[str]) -> None:
     """Tell what speaks against the time step."""
     for doubt in doubts:
-        out.print(f"warning: {doubt}", style="yellow", markup=False, highlight=False)
+        out.print(f"warning: {doubt}", style="yellow")
 
 
 def say_model(name: str, reason: str | None) -> None:
     """Tell which model was chosen, and why; nothing where the user chose it."""
     if reason is not None:
-        out.print(f"Model {name}: {reason}", style="dim", markup=False, highlight=False)
+        out.print(f"Model {name}: {reason}", style="dim")
 
 
 def say_basis(basis: Basis) -> None:
     """Tell what a result rests on beside the data, and whether that is validated."""
     for line in (*basis.warnings, *doubt_lines(basis.data_doubts)):
-        out.print(f"warning: {line}", style="yellow", markup=False, highlight=False)
+        out.print(f"warning: {line}", style="yellow")
     out.print(facts_table(basis_facts(basis)))
     if not basis.validated:
         text = f"not validated: {'; '.join(basis.reasons)}"
-        out.print(text, style="bold yellow", markup=False, highlight=False)
+        out.print(text, style="bold yellow")
 
 
 class StageBars:
@@ -103,7 +104,7 @@ class StageBars:
     def show(self, stage: str, done: int, total: int) -> None:
         """Show how many steps of a stage are done."""
         if stage not in self._tasks:
-            self._tasks[stage] = self.progress.add_task(stage, total=total)
+            self._tasks[stage] = self.progress.add_task(visible(stage), total=total)
         self.progress.update(self._tasks[stage], completed=done, total=total)
 
     def counter(self, stage: str, total: int) -> Callable[[object], None]:
@@ -116,7 +117,7 @@ class StageBars:
 def stage_bars() -> Iterator[StageBars]:
     """Bars on standard error that vanish at the end; nothing if that is not a terminal."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

@@ -109,7 +109,7 @@ class Outcome:
         if self.comparison is not None:
             out.print(error_table(self.comparison))
         if self.note is not None:
-            out.print(self.note, style="yellow", markup=False)
+            out.print(self.note, style="yellow")
         if self.budget is not None:
             out.print(budget_table(self.budget))
 

@@ -135,9 +135,8 @@ class ResultOptions:
         for picture in self.plot or []:
             check_format(picture)
 
-    def write(self, result: Outcome) -> None:
-        """Write all files; a picture shows the machines with the largest errors."""
-        run = result.run
+    def write(self, run: Trajectory) -> None:
+        """Write the curves."""
         names = [name.strip() for name in self.signals.split(",") if name.strip()]
         if self.csv is not None:
             run.to_csv(self.csv, names)
@@ -145,9 +144,12 @@ class ResultOptions:
             run.to_parquet(self.parquet, names)
         if self.npz is not None:
             run.to_npz(self.npz)
+
+    def draw(self, result: Outcome) -> None:
+        """Draw the run: the machines with the largest errors in colour."""
         worst = [] if result.comparison is None else ranked(result.comparison)[:_DRAWN]
         for picture in self.plot or []:
-            plot_trajectory(run, picture, [error.unit for error in worst], result.detailed)
+            plot_trajectory(result.run, picture, [error.unit for error in worst], result.detailed)
 
 
 def demo(
@@ -209,17 +211,18 @@ def simulate(
     simulator = choice.build(grid, source.case, work, method.stepper)
     result = task.solve(simulator, compare or budget, budget)
     run = result.run
-    results.write(result)
     summary = summarize(run)
     record = _run_record(run, summary, ready - began + run.setup_seconds)
     record["model_reason"] = simulator.reason
     write_json_option(json, record | result.record())
+    results.write(run)
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
         say_method(method.reason)
         say_model(simulator.kind.value, simulator.reason)
         result.show()
+    results.draw(result)
     raise typer.Exit(exit_code(run.status))
 
 

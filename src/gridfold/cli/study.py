@@ -1,4 +1,4 @@
-"""Commands about studies: init, run, show, report."""
+"""Commands that make and run studies: init, run."""
 
 from __future__ import annotations
 
@@ -23,23 +23,28 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bars
 
-from gridfold.cli.console import ExitCode, err, out, write_json_option
-from gridfold.cli.options import JsonOption
+from gridfold.cli.console import ExitCode, err, out
 from gridfold.cli.trusted import trusted_devices
-from gridfold.errors import OptionError, OutputError
-from gridfold.io.results import write_csv, write_parquet
+from gridfold.errors import OutputError
 from gridfold.io.study_store import StudyStore
-from gridfold.report.study_report import write_report
-from gridfold.report.study_tables import result_table, study_facts
+from gridfold.report.study_tables import (
+    count_line,
+    failure_lines,
+    result_table,
+    study_counts,
+    study_facts,
+)
 from gridfold.report.tables import facts_table, shortened
 from gridfold.study import Progress, Stage, Workers, run_study
 from gridfold.study.study_file import json_schema, write_template
 
 #: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
 _INTERRUPTED = 130
+#: Rows that are shown at the end of a run.
+_ROWS = 10
 
 _worker_option = partial(typer.Option, rich_help_panel="Workers")
-_output_option = partial(typer.Option, rich_help_panel="Output")
+output_option = partial(typer.Option, rich_help_panel="Output")
 
 _RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
 
@@ -54,7 +59,10 @@ Examples:
 
   gridfold run study.toml --resume --workers processes --jobs 8
 
-Exit codes: 0 every contingency has a result; 2 bad input; 130 interrupted.
+  gridfold run study.toml --retry-failed --time-limit 600
+
+Exit codes: 0 every contingency has a result; 2 bad input; 4 some contingencies failed, see
+--retry-failed; 130 interrupted.
 """
 
 StudyFolder = Annotated[Path, typer.Argument(help="Folder of the results.")]
@@ -71,17 +79,17 @@ def init(
         sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
         return
     write_template(file)
-    out.print(f"{file} is written. Next: gridfold run {file}", markup=False, highlight=False)
+    out.print(f"{file} is written. Next: gridfold run {file}")
 
 
 def run(
     study: Annotated[Path, typer.Argument(help="The study file.")],
     folder: Annotated[
         Path | None,
-        _output_option("--out", help="Folder of the results.", show_default="STUDY.results"),
+        output_option("--out", help="Folder of the results.", show_default="STUDY.results"),
     ] = None,
     resume: Annotated[
-        bool, _output_option("--resume", help="Go on with what the folder holds.")
+        bool, output_option("--resume", help="Go on with what the folder holds.")
     ] = False,
     trust_devices: Annotated[
         bool,
@@ -90,9 +98,19 @@ def run(
             help="Run the Python files that the study names as devices, and remember them.",
         ),
     ] = False,
+    retry_failed: Annotated[
+        bool, output_option("--retry-failed", help="Go on, and try again what has failed.")
+    ] = False,
+    time_limit: Annotated[
+        float | None,
+        _worker_option(
+            help="Longest time on the machine for one contingency (s); it fails beyond.",
+            show_default="that of the study",
+        ),
+    ] = None,
     log_json: Annotated[
         str | None,
-        _output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
+        output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
     ] = None,
     workers: Annotated[Workers, _worker_option(help="What works.")] = Workers.THREADS,
     count: Annotated[
@@ -113,7 +131,7 @@ def run(
         def on_progress(progress: Progress) -> None:
             brake.working = progress.stage is Stage.RUNNING
             for line in shortened(progress.warnings, command="gridfold show FOLDER --json -"):
-                err.print(f"warning: {line}", style="yellow", markup=False, highlight=False)
+                err.print(f"warning: {line}", style="yellow")
             for each in tell:
                 each(progress)
 
@@ -121,6 +139,8 @@ def run(
             study,
             folder,
             resume=resume,
+            retry_failed=retry_failed,
+            time_limit=time_limit,
             workers=workers,
             count=count,
             cluster=cluster,
@@ -130,79 +150,24 @@ def run(
         )
     with StudyStore.read(outcome.folder) as store:
         out.print(facts_table(study_facts(store, outcome)))
+        frame = store.frame(sort="largest_separation_deg", descending=True)
         if outcome.complete:
-            out.print(result_table(store.frame(sort="largest_separation_deg", descending=True), 10))
+            out.print(result_table(frame, _ROWS))
+            out.print(count_line(len(frame), _ROWS, study_counts(store)))
     if outcome.stage is Stage.INTERRUPTED:
         err.print(
             f"interrupted: {outcome.done} of {outcome.total} are done; go on with --resume",
             style="yellow",
-            markup=False,
         )
         raise typer.Exit(_INTERRUPTED)
+    if outcome.failed:
+        for line in failure_lines(frame, outcome.total):
+            err.print(line, style="yellow")
+        raise typer.Exit(ExitCode.ROWS_FAILED)
     raise typer.Exit(ExitCode.COMPLETED)
 
 
 run.__doc__ = _RUN_HELP
-
-
-def show(
-    folder: StudyFolder,
-    sort: Annotated[
-        str | None, typer.Option(help="Column to sort by.", show_default="number")
-    ] = None,
-    descending: Annotated[bool, typer.Option("--descending", help="The largest first.")] = False,
-    where: Annotated[
-        str | None,
-        typer.Option(help="Condition in SQL, such as 'stable = 0 AND lowest_voltage < 0.8'."),
-    ] = None,
-    columns: Annotated[
-        str, typer.Option(help="Columns of the table, by commas; all: every one.")
-    ] = "",
-    limit: Annotated[int, typer.Option(min=1, help="Rows of the table.")] = 40,
-    csv: Annotated[Path | None, _output_option(help="Write all rows as CSV.")] = None,
-    parquet: Annotated[Path | None, _output_option(help="Write all rows as Parquet.")] = None,
-    json: JsonOption = None,
-) -> None:
-    """Show the results of a study, also while it runs.
-
-    Example:
-
-      gridfold show study.results --where "stable = 1" --sort lowest_voltage
-    """
-    with StudyStore.read(folder) as store:
-        frame = store.frame(where, sort, descending)
-        about = store.identity
-        if json != "-":
-            out.print(facts_table(study_facts(store)))
-        chosen = [name.strip() for name in columns.split(",") if name.strip()]
-        if unknown := [name for name in chosen if name not in (*store.columns, "all")]:
-            known = ", ".join(store.columns)
-            raise OptionError(f"there is no column {unknown[0]!r}; there are: {known}")
-        wanted = list(store.columns) if chosen == ["all"] else chosen
-    keys = ("gridfold", "sources", "case", "fingerprint", "files", "study", "settings")
-    notes = {key: about[key] for key in keys if key in about}
-    if csv is not None:
-        write_csv(csv, frame, notes)
-    if parquet is not None:
-        write_parquet(parquet, frame, notes)
-    if json is not None:
-        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
-        write_json_option(json, notes | {"results": rows})
-    if json != "-":
-        out.print(result_table(frame, limit, wanted))
-
-
-def report(
-    folder: StudyFolder,
-    file: Annotated[
-        Path | None, typer.Option("--out", help="The page.", show_default="FOLDER/report.html")
-    ] = None,
-) -> None:
-    """Write the report of a study: one page that needs no network."""
-    target = folder / "report.html" if file is None else file
-    with StudyStore.read(folder) as store:
-        write_report(store, target)
-    out.print(f"{target} is written", markup=False, highlight=False)
 
 
 @contextmanager
@@ -210,7 +175,7 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
     """A bar on standard error with counts, rate and time left; silent where that is no terminal."""
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
         TextColumn("{task.fields[counts]}", markup=False),

@@ -51,7 +51,7 @@ def _tell(title: str, codes: Sequence[Code]) -> None:
 
 
 def _say(text: str) -> None:
-    err.print(text, style="dim", markup=False, highlight=False, soft_wrap=True)
+    err.print(text, style="dim", soft_wrap=True)
 
 
 def _file(code: Code) -> Path | None:

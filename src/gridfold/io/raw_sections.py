@@ -193,16 +193,23 @@ def _introduced(line: str) -> str:
     """The section that a marker introduces by name; empty if it names none."""
     if not _is_marker(line):
         return ""
-    found = re.search(r"(?:BEGIN|START OF)\s+(.*?)\s+DATA", line, re.IGNORECASE)
-    return _canonical(found[1]) if found else ""
+    name = _between(line, "BEGIN") or _between(line, "START OF")
+    return _canonical(name) if name else ""
+
+
+def _between(line: str, opening: str) -> str:
+    """What stands between a word and DATA; empty without them. Lines may be of any length."""
+    words = " ".join(line.upper().split())
+    name, ending, _ = words.partition(f"{opening} ")[2].partition(" DATA")
+    return name if ending else ""
 
 
 def _section_after(marker: str, section: str, revision: int) -> str:
     """The section that follows; empty after the last one."""
     if introduced := _introduced(marker):
         return introduced
-    ended = re.search(r"END OF\s+(.*?)\s+DATA", marker, re.IGNORECASE)
-    name = _canonical(ended[1]) if ended else section
+    ended = _between(marker, "END OF")
+    name = _canonical(ended) if ended else section
     if name == _SYSTEM_WIDE:
         return "BUS"
     rest = _ORDER[_ORDER.index(name) + 1 :] if name in _ORDER else ()

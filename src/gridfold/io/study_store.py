@@ -11,24 +11,46 @@ import io
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError, OutputError
+from gridfold.io.study_damage import (
+    LISTED,
+    NEEDED,
+    UNREADABLE,
+    Content,
+    Damage,
+    examine,
+    unpack,
+)
+from gridfold.io.study_folder import lock, require, telling
+from gridfold.io.study_query import chosen_rows
+from gridfold.io.study_schema import (
+    FILE,
+    FORMAT,
+    connect,
+    figure_columns,
+    make_tables,
+    seal_all,
+    sql_types,
+    study_query,
+    write_about,
+    write_contingency,
+    write_result,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Version of the tables. A store of another one is refused.
-FORMAT = 1
-FILE, LOCK = "study.sqlite", "study.lock"
-_COLUMN_TYPES = {bool: "INTEGER", int: "INTEGER", float: "REAL", str: "TEXT"}
+#: Noted by a repair that could not read the whole list of contingencies.
+INCOMPLETE = "incomplete_list"
 
 Curves = Mapping[str, NDArray[Any]]
 
@@ -42,12 +64,24 @@ class Result(NamedTuple):
 
 
 class StudyStore:
-    """The results of one study. Make it with :meth:`create`, :meth:`resume` or :meth:`read`."""
+    """The results of one study. Make it with :meth:`create`, :meth:`resume` or :meth:`read`.
 
-    def __init__(self, folder: Path, connection: sqlite3.Connection, lock: FileLock | None):
+    Of a store that is damaged :meth:`read` gives what is whole; `damage` says what is not.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        connection: sqlite3.Connection,
+        lock: FileLock | None = None,
+        content: Content | None = None,
+    ):
         self.folder = folder
-        self._connection = connection
+        self.damage: list[Damage] = [] if content is None else list(content.damage)
+        self._connection = self._whole = connection
         self._lock = lock
+        if content is not None and content.damage:
+            self._whole = content.copy()
 
     @classmethod
     def create(
@@ -78,9 +112,9 @@ class StudyStore:
             It cannot be written.
         """
         folder = Path(folder)
-        with _telling(folder):
+        with telling(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        lock = _lock(folder)
+        held = lock(folder)
         try:
             if (folder / FILE).exists():
                 raise OptionError(
@@ -88,14 +122,14 @@ class StudyStore:
                 )
             # Under another name until it is complete: there is never half a store.
             unfinished = folder / f"{FILE}.new"
-            with _telling(folder):
+            with telling(folder):
                 unfinished.unlink(missing_ok=True)
-                with closing(_connect(unfinished)) as connection:
-                    _make_tables(connection, identity, contingencies, columns)
+                with closing(connect(unfinished)) as connection, connection:
+                    _write_new(connection, identity, contingencies, columns)
                 unfinished.replace(folder / FILE)
-                return cls(folder, _connect(folder / FILE), lock)
+                return cls(folder, connect(folder / FILE), held)
         except BaseException:
-            lock.release()
+            held.release()
             raise
 
     @classmethod
@@ -105,31 +139,48 @@ class StudyStore:
         Raises
         ------
         OptionError
-            There is none, another process works on it, or it has another format.
+            There is none, another process works on it, it has another format, or it is damaged.
         """
         folder = Path(folder)
-        _require(folder)
-        lock = _lock(folder)
+        require(folder)
+        held = lock(folder)
         try:
-            with _telling(folder):
-                return cls(folder, _connect(folder / FILE), lock)._checked()
+            with telling(folder):
+                connection = connect(folder / FILE)
+                store = cls(folder, connection, held, examine(connection))._checked()
+                if store.damage:
+                    raise OptionError(
+                        f"{folder}: the store is damaged ({store.damage[0]}); gridfold check {folder} "
+                        "says what is whole, and with --repair goes on with that"
+                    )
+                with connection:
+                    seal_all(connection)
+                return store
         except BaseException:
-            lock.release()
+            held.release()
             raise
 
     @classmethod
     def read(cls, folder: str | Path) -> StudyStore:
-        """A store that is there, to read; another process may be writing."""
+        """A store that is there, to read; another process may be writing.
+
+        Raises
+        ------
+        OptionError
+            There is none, or it has another format.
+        OutputError
+            Nothing of it can be read.
+        """
         folder = Path(folder)
-        _require(folder)
+        require(folder)
         file = folder / FILE
         # Where it may be written what a killed process left unfinished can be taken back.
         mode = "rw" if os.access(file, os.W_OK) and os.access(folder, os.W_OK) else "ro"
-        with _telling(folder):
+        with telling(folder):
             address = file.resolve().as_uri()
             connection = sqlite3.connect(f"{address}?mode={mode}", uri=True, timeout=60)
             connection.execute("PRAGMA query_only = ON")
-            return cls(folder, connection, None)._checked()
+            return cls(folder, connection, None, examine(connection))._checked()
 
     def __enter__(self) -> StudyStore:
         return self
@@ -140,32 +191,40 @@ class StudyStore:
     def close(self) -> None:
         """Close the file and let go of the lock."""
         self._connection.close()
+        self._whole.close()
         if self._lock is not None:
             self._lock.release()
 
     @property
     def identity(self) -> dict[str, Any]:
         """What the study is about."""
-        with _telling(self.folder):
-            rows = self._connection.execute("SELECT name, value FROM about").fetchall()
+        with telling(self.folder):
+            rows = self._whole.execute("SELECT name, value FROM about").fetchall()
         return {name: json.loads(value) for name, value in rows}
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of all columns of :meth:`frame`."""
-        with _telling(self.folder):
-            found = self._connection.execute("SELECT * FROM study LIMIT 0")
-        return tuple(item[0] for item in found.description)
+        with telling(self.folder):
+            return ("number", "name", "kind", *figure_columns(self._whole))
+
+    def require(self, *names: str) -> dict[str, Any]:
+        """What the study is about; an OutputError unless all of `names` are there."""
+        about = self.identity
+        if missing := [name for name in names if name not in about]:
+            why = next((str(item) for item in self.damage), "it was never written")
+            raise OutputError(f"{self.folder / FILE}: {missing[0]!r} cannot be read: {why}")
+        return about
 
     def tell(self, name: str, value: Any) -> None:
         """Note something further about the study, ready for JSON."""
-        with _telling(self.folder), self._connection as connection:
-            connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (name, _json(value)))
+        with telling(self.folder), self._connection as connection:
+            write_about(connection, name, _json(value))
 
     def contingencies(self) -> list[dict[str, Any]]:
         """Records of all contingencies, by number."""
-        with _telling(self.folder):
-            rows = self._connection.execute(
+        with telling(self.folder):
+            rows = self._whole.execute(
                 "SELECT number, name, kind, events FROM contingency ORDER BY number"
             ).fetchall()
         return [
@@ -175,19 +234,26 @@ class StudyStore:
 
     def done(self) -> set[int]:
         """Numbers of the contingencies that have a result."""
-        with _telling(self.folder):
-            return {row[0] for row in self._connection.execute("SELECT number FROM result")}
+        with telling(self.folder):
+            return {row[0] for row in self._whole.execute("SELECT number FROM result")}
 
-    def add(self, results: Sequence[Result]) -> None:
-        """Write results. A contingency that has one is refused."""
-        with _telling(self.folder), self._connection as connection:
+    def failed(self) -> set[int]:
+        """Numbers of the contingencies whose result is a failure."""
+        with telling(self.folder):
+            rows = self._whole.execute("SELECT number FROM result WHERE status = 'failed'")
+            return {row[0] for row in rows}
+
+    def add(self, results: Sequence[Result], again: Collection[int] = ()) -> None:
+        """Write results. A contingency that has one is refused, but for those tried `again`."""
+        with telling(self.folder), self._connection as connection:
             for result in results:
-                names = ["number", *result.figures]
-                marks = ", ".join("?" * len(names))
-                connection.execute(
-                    f"INSERT INTO result ({', '.join(names)}) VALUES ({marks})",
-                    (result.number, *(_plain(value) for value in result.figures.values())),
-                )
+                if result.number in again:
+                    for table in ("result", "curves"):
+                        connection.execute(
+                            f"DELETE FROM {table} WHERE number = ?", (result.number,)
+                        )
+                figures = {name: _plain(value) for name, value in result.figures.items()}
+                write_result(connection, result.number, figures)
                 if result.curves is not None:
                     connection.execute(
                         "INSERT INTO curves VALUES (?, ?)", (result.number, _pack(result.curves))
@@ -218,14 +284,13 @@ class StudyStore:
         order = "number" if sort is None else sort
         if order not in names:
             raise OptionError(f"there is no column {order!r}; there are: {', '.join(names)}")
-        query = "SELECT * FROM study"
-        if where is not None:
-            query += f" WHERE ({where})"
-        query += f" ORDER BY {order} IS NULL, {order} {'DESC' if descending else 'ASC'}, number"
-        try:
-            rows = self._connection.execute(query).fetchall()
-        except (sqlite3.OperationalError, sqlite3.Warning, sqlite3.ProgrammingError) as error:
-            raise OptionError(f"the condition {where!r} cannot be used: {error}") from None
+        query = study_query(figure_columns(self._whole))
+        order = f"ORDER BY {order} IS NULL, {order} {'DESC' if descending else 'ASC'}, number"
+        with telling(self.folder):
+            if where is None:
+                rows = self._whole.execute(f"SELECT * FROM ({query}) {order}").fetchall()
+            else:
+                rows = chosen_rows(self._whole, query, where, order, names)
         frame = pd.DataFrame.from_records(rows, columns=list(names))
         return frame.astype(
             {name: kind for name, kind in self._frame_types().items() if name in frame}
@@ -236,15 +301,37 @@ class StudyStore:
         return {name: kinds[kind] for name, kind in self.identity["columns"].items()}
 
     def curves(self, number: int) -> dict[str, NDArray[Any]] | None:
-        """Curves of a contingency, None if there are none."""
-        with _telling(self.folder):
+        """Curves of a contingency, None if there are none, or if they are damaged."""
+        try:
             row = self._connection.execute(
                 "SELECT content FROM curves WHERE number = ?", (number,)
             ).fetchone()
-        return None if row is None else _unpack(row[0])
+            return None if row is None else unpack(row[0])
+        except UNREADABLE as error:
+            self.damage.append(Damage(f"curves of contingency {number}", str(error), number))
+            return None
+
+    @property
+    def connection(self) -> sqlite3.Connection:
+        """The connection to the file, for those that look at it as a whole."""
+        return self._connection
+
+    def complete_list(self, contingencies: Sequence[Mapping[str, Any]]) -> None:
+        """Add what a repair could not read of the list of contingencies, if that is this list."""
+        wanted = {item["number"]: json.loads(_json(item)) for item in contingencies}
+        there = {item["number"]: item for item in self.contingencies()}
+        if INCOMPLETE not in self.identity or not there.items() <= wanted.items():
+            return
+        with telling(self.folder), self._connection as connection:
+            _write_list(connection, [wanted[k] for k in wanted.keys() - there.keys()])
+            connection.execute("DELETE FROM about WHERE name = ?", (INCOMPLETE,))
 
     def _checked(self) -> StudyStore:
-        found = self.identity.get("format")
+        try:
+            found = self.require(*NEEDED)["format"]
+        except OutputError:
+            self.close()
+            raise
         if found != FORMAT:
             self.close()
             raise OptionError(
@@ -253,87 +340,26 @@ class StudyStore:
         return self
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, timeout=60, check_same_thread=False)
-    connection.execute("PRAGMA journal_mode = DELETE")
-    connection.execute("PRAGMA synchronous = FULL")
-    return connection
-
-
-def _make_tables(
+def _write_new(
     connection: sqlite3.Connection,
     identity: Mapping[str, Any],
     contingencies: Sequence[Mapping[str, Any]],
     columns: Mapping[str, type],
 ) -> None:
-    figures = ", ".join(f"{name} {_COLUMN_TYPES[kind]}" for name, kind in columns.items())
     about = {
         "format": FORMAT,
         "columns": {name: kind.__name__ for name, kind in columns.items()},
+        LISTED: len(contingencies),
         **identity,
     }
-    with connection:
-        connection.execute("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
-        connection.execute(
-            "CREATE TABLE contingency (number INTEGER PRIMARY KEY, name TEXT NOT NULL, "
-            "kind TEXT NOT NULL, events TEXT NOT NULL)"
-        )
-        connection.execute(
-            f"CREATE TABLE result (number INTEGER PRIMARY KEY REFERENCES contingency, {figures})"
-        )
-        connection.execute(
-            "CREATE TABLE curves (number INTEGER PRIMARY KEY REFERENCES result, content BLOB)"
-        )
-        chosen = ", ".join(f"result.{name}" for name in columns)
-        connection.execute(
-            f"CREATE VIEW study AS SELECT result.number, name, kind, {chosen} "
-            "FROM result JOIN contingency USING (number)"
-        )
-        connection.executemany(
-            "INSERT INTO about VALUES (?, ?)", [(k, _json(v)) for k, v in about.items()]
-        )
-        connection.executemany(
-            "INSERT INTO contingency VALUES (?, ?, ?, ?)",
-            [(c["number"], c["name"], c["kind"], _json(c["events"])) for c in contingencies],
-        )
+    make_tables(connection, sql_types(columns), {name: _json(v) for name, v in about.items()})
+    _write_list(connection, contingencies)
 
 
-def _require(folder: Path) -> None:
-    if not (folder / FILE).is_file():
-        raise OptionError(f"{folder} holds no study: there is no {FILE}")
-
-
-def _lock(folder: Path) -> FileLock:
-    lock = FileLock(folder / LOCK)
-    try:
-        with _telling(folder):
-            lock.acquire(timeout=0)
-    except Timeout:
-        raise OptionError(f"another process is working on the study in {folder}") from None
-    return lock
-
-
-@contextmanager
-def _telling(folder: Path) -> Iterator[None]:
-    """Errors of the disk as :class:`OutputError` with the folder's name."""
-    try:
-        yield
-    except sqlite3.DatabaseError as error:
-        raise OutputError(f"{folder / FILE}: {error}{_room(folder)}") from None
-    except Timeout:
-        raise
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from None
-
-
-def _room(folder: Path) -> str:
-    """A hint where the disk is full."""
-    try:
-        status = os.statvfs(folder)
-    except (OSError, AttributeError):
-        return ""
-    free = status.f_bavail * status.f_frsize
-    return f" ({free // 1024} KiB are free on that disk)" if free < 2**24 else ""
+def _write_list(connection: sqlite3.Connection, contingencies: Sequence[Mapping[str, Any]]) -> None:
+    for item in contingencies:
+        row = (item["number"], item["name"], item["kind"], _json(item["events"]))
+        write_contingency(connection, row)
 
 
 def _json(value: Any) -> str:
@@ -351,8 +377,3 @@ def _pack(curves: Curves) -> bytes:
     stream, arrays = io.BytesIO(), dict[str, Any](curves)
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()
-
-
-def _unpack(content: bytes) -> dict[str, NDArray[Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}

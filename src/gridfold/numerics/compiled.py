@@ -95,9 +95,23 @@ def _matrix_view(typing_context, vector, offset, rows, columns):
     return view_type(vector, offset, rows, columns), generate
 
 
+def _peek(typing_context, address):
+    if not isinstance(address, types.Integer):
+        return None
+
+    def generate(context, builder, signature, values):
+        pointer = builder.inttoptr(values[0], context.get_value_type(types.int64).as_pointer())
+        return builder.load(pointer)
+
+    return types.int64(address), generate
+
+
 #: ``invoke(address, (a, b, ...))`` calls the compiled void function at `address`.
 invoke: Any = intrinsic(_invoke)
 
 #: ``matrix_view(vector, offset, rows, columns)``: a C-ordered matrix inside a flat vector. Nothing is
 #: copied and nothing is checked; the view is valid as long as `vector` lives.
 matrix_view: Any = intrinsic(_matrix_view)
+
+#: ``peek(address)``: the 64-bit integer at `address`, as it is now; another thread may write it.
+peek: Any = intrinsic(_peek)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.grid.case import UnitKey
+from gridfold.report.plain import picture_text
 from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import summarize
@@ -61,7 +62,7 @@ def plot_trajectory(
     voltage.legend(loc="lower right", ncols=3, fontsize="small")
     what = "; ".join(f"{notice.time:g} s: {notice.text}" for notice in run.notices[:4])
     title = f"{run.model.case.name}, {run.simulated.name} model: {run.status.value}"
-    angle.set_title(f"{title}\n{what}", fontsize="medium")
+    angle.set_title(picture_text(f"{title}\n{what}"), fontsize="medium")
     save_figure(figure, path)
 
 
@@ -82,7 +83,8 @@ def plot_eigenvalues(modes: SmallSignal, title: str, path: Path) -> None:
     axes.set_xlabel("Real part (1/s)")
     axes.set_ylabel("Imaginary part (rad/s)")
     hidden = len(values) - len(shown)
-    axes.set_title(f"{title} ({hidden} modes lie further left; dashed: damping ratio)")
+    text = f"{title} ({hidden} modes lie further left; dashed: damping ratio)"
+    axes.set_title(picture_text(text))
     axes.grid(color="#eeeeee")
     save_figure(figure, path)
 
@@ -94,7 +96,8 @@ def _draw_machines(
     _draw_background(axes, run.times, values)
     for color, unit in zip(PALETTE, units, strict=False):
         column = run.model.machines.index(unit)
-        axes.plot(run.times, values[:, column], color=color, linewidth=1.3, label=str(unit))
+        label = picture_text(str(unit))
+        axes.plot(run.times, values[:, column], color=color, linewidth=1.3, label=label)
 
 
 def _draw_dashed(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from gridfold.paper import published
 from gridfold.paper.record import (
@@ -26,6 +25,7 @@ from gridfold.paper.tables import (
     Verdict,
     means,
 )
+from gridfold.report.plain import PlainTable
 from gridfold.systems.status import Status
 
 _LOST = "lost"
@@ -52,7 +52,7 @@ _NAMES = {
 }
 
 
-def reproduction_tables(result: Reproduction) -> list[Table]:
+def reproduction_tables(result: Reproduction) -> list[PlainTable]:
     """Every table of a reproduction, in the paper's order."""
     tables = [system_table(result.system, result.system_calibrated)]
     if result.table1 is not None:
@@ -70,7 +70,7 @@ def reproduction_tables(result: Reproduction) -> list[Table]:
     return tables
 
 
-def system_table(system: SystemFacts, calibrated: SystemFacts | None) -> Table:
+def system_table(system: SystemFacts, calibrated: SystemFacts | None) -> PlainTable:
     """Counts and thresholds."""
     heads = ["", "ours", *(["calibrated"] if calibrated else []), "paper"]
     table = _table("System, partition and thresholds", heads, 1)
@@ -81,7 +81,7 @@ def system_table(system: SystemFacts, calibrated: SystemFacts | None) -> Table:
     return table
 
 
-def first_table(rows: Sequence[BusRow]) -> Table:
+def first_table(rows: Sequence[BusRow]) -> PlainTable:
     """Table I: rotor-angle errors after a fault at each bus."""
     with_calibrated = any(row.calibrated for row in rows)
     heads = ["bus", "machine", "paper", "CCT (s)", "paper", "margin (ms)"]
@@ -103,7 +103,7 @@ def first_table(rows: Sequence[BusRow]) -> Table:
     return table
 
 
-def forms_table(rows: Sequence[BusRow]) -> Table:
+def forms_table(rows: Sequence[BusRow]) -> PlainTable:
     """Table I with machines retained throughout, and in the paper's form with either coupling."""
     title = "Table I in other forms (degrees); lagged: with the coupling of the paper"
     table = _table(title, ["bus", *_FURTHER.values()], 0)
@@ -132,7 +132,7 @@ def _first_row(row: BusRow, with_calibrated: bool) -> list[str]:
     return texts + ([_NONE] * 3 if paper is None else [f"{value:.2f}" for value in paper.errors])
 
 
-def second_table(rows: Sequence[StateRow]) -> Table:
+def second_table(rows: Sequence[StateRow]) -> PlainTable:
     """Table II: errors of all states of the worst machine at bus 23."""
     heads = ["state", "unit"]
     for name in _SHORT.values():
@@ -153,7 +153,7 @@ def second_table(rows: Sequence[StateRow]) -> Table:
     return table
 
 
-def third_table(columns: Mapping[str, Timing], form: str) -> Table:
+def third_table(columns: Mapping[str, Timing], form: str) -> PlainTable:
     """Table III in a form: times and their ratios to the detailed run."""
     heads = ["model"]
     for name, item in columns.items():
@@ -171,7 +171,7 @@ def third_table(columns: Mapping[str, Timing], form: str) -> Table:
     return table
 
 
-def fourth_table(rows: Sequence[ConditionRow]) -> Table:
+def fourth_table(rows: Sequence[ConditionRow]) -> PlainTable:
     """Table IV: faults that lead to a new operating condition."""
     heads = ["fault", "cleared (s)", "clearing time of"]
     for kind in ADAPTIVE:
@@ -186,7 +186,7 @@ def fourth_table(rows: Sequence[ConditionRow]) -> Table:
     return table
 
 
-def verdict_table(verdicts: Sequence[Verdict]) -> Table:
+def verdict_table(verdicts: Sequence[Verdict]) -> PlainTable:
     """Claims of the paper, and whether they hold here."""
     table = _table("Claims of the paper in our data", ["claim", "holds", "found"], 3)
     for item in verdicts:
@@ -194,9 +194,9 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Table:
     return table
 
 
-def _table(title: str, heads: Sequence[str], left: int) -> Table:
+def _table(title: str, heads: Sequence[str], left: int) -> PlainTable:
     """An empty table; the first `left` columns are text."""
-    table = Table(
+    table = PlainTable(
         title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1), pad_edge=False
     )
     for position, head in enumerate(heads):

@@ -14,6 +14,7 @@ from gridfold.equivalents.families import Mode
 from gridfold.errors import OptionError
 from gridfold.grid.case import Bus
 from gridfold.paper.runs import CaseStudy, SmallRun
+from gridfold.report.plain import picture_text
 from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
 from gridfold.runs.trajectory import Trajectory
 
@@ -96,7 +97,8 @@ def plot_map(study: CaseStudy, path: Path) -> None:
     axes.set_xlabel("Longitude (degrees east)")
     axes.set_ylabel("Latitude (degrees north)")
     axes.legend(loc="lower right", fontsize="small")
-    axes.set_title(f"{case.name}: study area, tie lines and external area", fontsize="medium")
+    title = picture_text(f"{case.name}: study area, tie lines and external area")
+    axes.set_title(title, fontsize="medium")
     save_figure(figure, path)
 
 

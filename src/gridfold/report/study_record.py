@@ -53,7 +53,7 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
         Ready for JSON; missing figures are None. Curves are 16-bit numbers with a factor, see
         :func:`packed`.
     """
-    about = store.identity
+    about = store.require("study", "settings", "case", "fingerprint", "gridfold", "map", "checked")
     frame, listed = ranked(store.frame()), store.contingencies()
     facts = study_facts(store)
     return {

@@ -15,6 +15,7 @@ from typing import Any
 
 from gridfold.io.results import replacing
 from gridfold.io.study_store import StudyStore
+from gridfold.report.plain import visible_lines
 from gridfold.report.study_record import study_record
 
 #: Places in the page that are filled.
@@ -38,7 +39,7 @@ def write_report(store: StudyStore, path: Path) -> None:
     OutputError
         The page cannot be written, or the store cannot be read.
     """
-    text = page(study_record(store))
+    text = page(_readable(study_record(store)))
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -55,6 +56,15 @@ def page(record: dict[str, Any]) -> str:
         "program": _part("page.js"),
     }
     return _PLACE.sub(lambda found: parts[found[1] or found[2]], _part("page.html"))
+
+
+def _readable(item: Any) -> Any:
+    """The record with control characters of all its texts made visible."""
+    if isinstance(item, str):
+        return visible_lines(item)
+    if isinstance(item, dict):
+        return {_readable(key): _readable(value) for key, value in item.items()}
+    return list(map(_readable, item)) if isinstance(item, list | tuple) else item
 
 
 def as_json(record: dict[str, Any]) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
 
+from gridfold.io.study_damage import Damage
 from gridfold.io.study_store import StudyStore
+from gridfold.report.plain import PlainTable, as_lines, visible
 from gridfold.report.tables import shortened
 from gridfold.study.work import StudyRun
 
@@ -36,21 +38,76 @@ _SELDOM = ("islanded_mw", "lost_load_mw")
 _FINE = 6
 #: Width to which texts may shrink.
 _NARROW = 10
+#: Reasons and damages that are told.
+_REASONS = 3
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Contingencies of a study: all, those with a result, and what came of these."""
+
+    total: int
+    stable: int
+    unstable: int
+    failed: int
+
+    @property
+    def done(self) -> int:
+        """Those with a result."""
+        return self.stable + self.unstable + self.failed
+
+    def record(self) -> dict[str, int]:
+        """Ready for JSON."""
+        return asdict(self) | {"waiting": self.total - self.done}
+
+    def __str__(self) -> str:
+        text = f"{self.total} contingencies: {self.stable} stable, {self.unstable} not"
+        text += f", {self.failed} failed"
+        return text if self.done == self.total else f"{text}, {self.total - self.done} not done"
+
+
+def study_counts(store: StudyStore) -> Counts:
+    """The counts of a study as it is now."""
+    frame = store.frame()
+    stable = int(frame["stable"].fillna(False).sum())
+    failed = int(frame["stable"].isna().sum())
+    return Counts(len(store.contingencies()), stable, len(frame) - stable - failed, failed)
+
+
+def failure_lines(frame: pd.DataFrame, total: int) -> list[str]:
+    """How many failed, why the first ones did, and what to do."""
+    failed = frame[frame["stable"].isna()].sort_values("number")
+    lines = [
+        f"{row['name']!r} failed: {row['reason']}"
+        for row in failed.head(_REASONS).to_dict("records")
+    ]
+    if len(failed) > _REASONS:
+        lines.append(f"... and {len(failed) - _REASONS} more: --where \"status = 'failed'\"")
+    return [*lines, f"{len(failed)} of {total} failed; --retry-failed tries them again"]
+
+
+def damage_lines(damage: Sequence[Damage], folder: Path) -> list[str]:
+    """What is not whole of a store, and what to do."""
+    lines = [str(item) for item in damage[:_REASONS]]
+    if len(damage) > _REASONS:
+        lines.append(f"... and {len(damage) - _REASONS} more (all of them with check --json -)")
+    advice = f"gridfold check {folder} --repair keeps what is whole"
+    return [*lines, advice] if lines else []
 
 
 def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str, str]:
     """What a study is about and what came of it, by name."""
     about, frame = store.identity, store.frame()
+    counts = study_counts(store)
+    if missing := [name for name in ("study", "settings", "case") if name not in about]:
+        return {"Contingencies": str(counts), "Study": f"{missing[0]!r} cannot be read"}
     settings = about["settings"]
-    total = len(store.contingencies())
-    stable = int(frame["stable"].fillna(False).sum())
-    failed = int(frame["stable"].isna().sum())
     facts = {
         "Study": about["study"]["name"],
         "Case": f"{about['case']}, {settings['machines']} machines, {settings['states']} states",
         "Model": _model(settings),
-        "Contingencies": f"{len(frame)} of {total} done",
-        "Outcome": f"{stable} stable, {len(frame) - stable - failed} not, {failed} failed",
+        "Contingencies": f"{counts.done} of {counts.total} done",
+        "Outcome": f"{counts.stable} stable, {counts.unstable} not, {counts.failed} failed",
     }
     if settings.get("method_doubts"):
         facts["Time step"] = "; ".join(settings["method_doubts"])
@@ -69,7 +126,7 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Not validated"] = _why_not_validated(settings)
     for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
         if lines := settings.get(key):
-            facts[f"{name} ({len(lines)})"] = escape("\n".join(shortened(lines, 3)))
+            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 3))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
         facts["Results"] = str(outcome.folder)
@@ -82,7 +139,7 @@ def _why_not_validated(settings: dict[str, Any]) -> str:
         for item in settings["replacements"]
     ]
     lines += settings.get("unplaced", ())
-    return escape("; ".join(lines)) or "parts of the network are left out"
+    return "; ".join(lines) or "parts of the network are left out"
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
@@ -100,14 +157,19 @@ def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
     )
 
 
-def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> Table:
+def count_line(rows: int, limit: int, counts: Counts) -> str:
+    """How many rows are shown, chosen and there: no filter hides that others failed."""
+    more = f" ({rows - limit} more rows)" if rows > limit else ""
+    return f"{min(limit, rows)} shown of {rows} rows{more}; {counts}"
+
+
+def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> PlainTable:
     """The first `limit` rows; columns without any value are left out unless they are asked for."""
     if columns:
         shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
     else:
         shown = {name: what for name, what in _SHOWN.items() if _worth_showing(frame, name)}
-    more = f"{len(frame) - limit} more rows" if len(frame) > limit else None
-    table = Table(caption=more, caption_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = PlainTable(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rows = frame.head(limit).to_dict("records")
     for name, (heading, digits) in shown.items():
         number = frame[name].dtype.name in ("Float64", "Int64", "int64")
@@ -137,7 +199,7 @@ def _cell(value: Any, digits: int) -> str:
 
     if value is None or value is pd.NA:
         return ""
-    return f"{value:.{digits}f}" if isinstance(value, float) else str(value)
+    return f"{value:.{digits}f}" if isinstance(value, float) else visible(str(value))
 
 
 def _model(settings: dict[str, Any]) -> str:

@@ -6,8 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from rich.markup import escape
-from rich.table import Table
+from rich.text import Text
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import Switch
@@ -19,6 +18,7 @@ from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
+from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
 from gridfold.runs.clearing_time import ClearingTime
@@ -30,9 +30,9 @@ from gridfold.runs.trajectory import Trajectory
 FUNCTIONS_PER_GENERATOR = 4
 
 
-def facts_table(facts: Mapping[str, str]) -> Table:
+def facts_table(facts: Mapping[str, str | Text]) -> PlainTable:
     """Two columns: what, and how much."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table = PlainTable(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for name, value in facts.items():
@@ -45,7 +45,7 @@ def case_facts(case: Case) -> dict[str, str]:
     transformers = sum(b.ratio != 1 or b.shift_deg != 0 for b in case.branches)
     load = sum(case.stored_power(load).real for load in case.loads if load.in_service)
     return {
-        "Case": escape(f"{case.name}: {case.description}" if case.description else case.name),
+        "Case": f"{case.name}: {case.description}" if case.description else case.name,
         "Buses": str(len(case.buses)),
         "Branches": f"{len(case.branches)} ({transformers} with an off-nominal ratio or shift)",
         "Generators": str(len(case.generators)),
@@ -62,10 +62,10 @@ def file_facts(case: Case) -> dict[str, str]:
     return {"Records of the file": listed} if listed else {}
 
 
-def area_table(case: Case) -> Table:
+def area_table(case: Case) -> PlainTable:
     """Areas with their buses, machines, load and tie lines."""
     area = {bus.number: bus.area for bus in case.buses}
-    table = Table(title="Areas", title_justify="left")
+    table = PlainTable(title="Areas", title_justify="left")
     for name in ("area", "name"):
         table.add_column(name)
     for name in ("buses", "generators", "load (MW)", "tie lines"):
@@ -83,7 +83,7 @@ def area_table(case: Case) -> Table:
         name = case.area_names.get(number, "")
         table.add_row(
             str(number),
-            escape(name),
+            name,
             str(count),
             str(units[number]),
             f"{load:,.1f}",
@@ -92,23 +92,22 @@ def area_table(case: Case) -> Table:
     return table
 
 
-def area_tie_table(ties: Sequence[AreaTie], shown: int = 12) -> Table:
+def area_tie_table(ties: Sequence[AreaTie], shown: int = 12) -> PlainTable:
     """The first branches between areas."""
-    table = Table(title=f"{len(ties)} tie lines between areas", title_justify="left")
+    table = PlainTable(title=f"{len(ties)} tie lines between areas", title_justify="left")
     for name in ("from bus", "to bus", "circuit", "areas"):
         table.add_column(name, justify="right")
     for branch, (first, second) in ties[:shown]:
         buses = str(branch.from_bus), str(branch.to_bus)
-        table.add_row(*buses, escape(branch.circuit), f"{first} - {second}")
+        table.add_row(*buses, branch.circuit, f"{first} - {second}")
     if len(ties) > shown:
-        table.caption = f"and {len(ties) - shown} more, see --json"
-        table.caption_justify = "left"
+        table.note(f"and {len(ties) - shown} more, see --json")
     return table
 
 
-def device_table(models: Sequence[ModelCount]) -> Table:
+def device_table(models: Sequence[ModelCount]) -> PlainTable:
     """Device models, how many records each has, and whether gridfold has it."""
-    table = Table(title="Dynamic devices", title_justify="left")
+    table = PlainTable(title="Dynamic devices", title_justify="left")
     table.add_column("model")
     table.add_column("kind")
     table.add_column("records", justify="right")
@@ -116,7 +115,7 @@ def device_table(models: Sequence[ModelCount]) -> Table:
     for item in models:
         known = "yes" if item.implemented else "no"
         style = None if item.implemented else "yellow"
-        table.add_row(escape(item.model), item.kind, str(item.records), known, style=style)
+        table.add_row(item.model, item.kind, str(item.records), known, style=style)
     return table
 
 
@@ -145,9 +144,9 @@ def doubt_lines(doubts: Sequence[Doubt], shown: int = 6) -> list[str]:
     return lines
 
 
-def basis_facts(basis: Basis) -> dict[str, str]:
+def basis_facts(basis: Basis) -> dict[str, str | Text]:
     """What results rest on beside the data; rows only for what there is."""
-    facts = {"Loads": str(basis.loads)}
+    facts: dict[str, str | Text] = {"Loads": str(basis.loads)}
     for name, lines in (
         ("Replaced", [str(item) for item in basis.replacements]),
         ("Limits moved", basis.limits_moved),
@@ -159,7 +158,7 @@ def basis_facts(basis: Basis) -> dict[str, str]:
         if lines:
             count = f" ({len(lines)})" if len(lines) > 1 else ""
             told = lines if name == "Missing" else shortened(lines)
-            facts[name + count] = "\n".join(escape(line) for line in told)
+            facts[name + count] = as_lines(told)
     return facts
 
 
@@ -218,9 +217,9 @@ def _island_facts(summary: Summary) -> dict[str, str]:
     return facts
 
 
-def notice_table(run: Trajectory) -> Table:
+def notice_table(run: Trajectory) -> PlainTable:
     """What happened to the network, in order of time."""
-    table = Table(title="Events", title_justify="left")
+    table = PlainTable(title="Events", title_justify="left")
     table.add_column("time (s)", justify="right")
     table.add_column("what", overflow="fold")
     for notice in run.notices:
@@ -228,9 +227,9 @@ def notice_table(run: Trajectory) -> Table:
     return table
 
 
-def swing_table(summary: Summary, count: int = 8) -> Table:
+def swing_table(summary: Summary, count: int = 8) -> PlainTable:
     """The machines that swing most."""
-    table = Table(title="Largest swings against the centre of inertia", title_justify="left")
+    table = PlainTable(title="Largest swings against the centre of inertia", title_justify="left")
     for name in ("machine", "angle (deg)", "at (s)", "lowest speed", "highest speed"):
         table.add_column(name, justify="right")
     for swing in summary.swings[:count]:
@@ -244,9 +243,9 @@ def swing_table(summary: Summary, count: int = 8) -> Table:
     return table
 
 
-def mode_table(modes: SmallSignal, shown: Sequence[int]) -> Table:
+def mode_table(modes: SmallSignal, shown: Sequence[int]) -> PlainTable:
     """Modes with their damping and the states that take part most."""
-    table = Table(title="Modes", title_justify="left")
+    table = PlainTable(title="Modes", title_justify="left")
     for name in ("eigenvalue (1/s)", "frequency (Hz)", "damping (%)"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("states with the largest participation factors", overflow="fold")
@@ -261,9 +260,9 @@ def mode_table(modes: SmallSignal, shown: Sequence[int]) -> Table:
     return table
 
 
-def clearing_table(times: Sequence[ClearingTime]) -> Table:
+def clearing_table(times: Sequence[ClearingTime]) -> PlainTable:
     """Critical clearing times by bus."""
-    table = Table(title="Critical clearing times", title_justify="left")
+    table = PlainTable(title="Critical clearing times", title_justify="left")
     table.add_column("bus", justify="right")
     table.add_column("CCT (s)", justify="right")
     table.add_column("runs", justify="right")
@@ -301,9 +300,9 @@ def _area_size(parts: Partition, units: Sequence[UnitKey]) -> str:
     return f"{len(units)} machines, {len(parts.states_of(units))} states"
 
 
-def tie_table(parts: Partition) -> Table:
+def tie_table(parts: Partition) -> PlainTable:
     """The branches between the areas."""
-    table = Table(title="Tie lines", title_justify="left")
+    table = PlainTable(title="Tie lines", title_justify="left")
     for name in ("branch", "study bus", "external bus"):
         table.add_column(name, justify="right")
     for tie in parts.tie_lines:
@@ -312,9 +311,9 @@ def tie_table(parts: Partition) -> Table:
     return table
 
 
-def norm_table(coupling: Coupling, threshold: float) -> Table:
+def norm_table(coupling: Coupling, threshold: float) -> PlainTable:
     """Column norms of the external machines, the largest first."""
-    table = Table(title="Column norms of the external machines", title_justify="left")
+    table = PlainTable(title="Column norms of the external machines", title_justify="left")
     for name in ("machine", "norm (p.u.)", "at 20 kV (S)"):
         table.add_column(name, justify="right")
     table.add_column("functions")
@@ -345,9 +344,9 @@ def reduction_facts(
     }
 
 
-def ladder_table(family: Ladder) -> Table:
+def ladder_table(family: Ladder) -> PlainTable:
     """The areas of a ladder: what is exact, where they meet, how they were reduced."""
-    table = Table(title="Areas", title_justify="left")
+    table = PlainTable(title="Areas", title_justify="left")
     for name in ("model", "retained", "ports", "states", "order", "bound (p.u.)"):
         table.add_column(name, overflow="fold")
     for area in dict.fromkeys(family.areas):
@@ -379,9 +378,9 @@ def ladder_facts(family: Ladder, seconds: float, shown: int = 8) -> dict[str, st
     return facts
 
 
-def switch_table(switches: Sequence[Switch]) -> Table:
+def switch_table(switches: Sequence[Switch]) -> PlainTable:
     """The log of switches between models."""
-    table = Table(title="Models", title_justify="left")
+    table = PlainTable(title="Models", title_justify="left")
     table.add_column("time (s)", justify="right")
     table.add_column("model")
     table.add_column("why", overflow="fold")
@@ -393,9 +392,11 @@ def switch_table(switches: Sequence[Switch]) -> Table:
     return table
 
 
-def error_table(comparison: Comparison) -> Table:
+def error_table(comparison: Comparison) -> PlainTable:
     """Errors of rotor angles against the detailed run, the largest first."""
-    table = Table(title="Rotor-angle errors against the detailed run (deg)", title_justify="left")
+    table = PlainTable(
+        title="Rotor-angle errors against the detailed run (deg)", title_justify="left"
+    )
     for name in ("machine", "RMS", "largest", "RMS against the centre of inertia"):
         table.add_column(name, justify="right")
     for error in sorted(comparison.units, key=lambda item: -item.rms_deg):
@@ -404,9 +405,9 @@ def error_table(comparison: Comparison) -> Table:
     return table
 
 
-def budget_table(budget: ErrorBudget) -> Table:
+def budget_table(budget: ErrorBudget) -> PlainTable:
     """Where the error of a reduced model comes from."""
-    table = Table(
+    table = PlainTable(
         title="Error budget: rotor angles of the worst machine (deg)", title_justify="left"
     )
     table.add_column("source")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.errors import OptionError
+from gridfold.numerics.deadline import check_time, time_watches
 from gridfold.numerics.steppers.base import Integration, Stepper, time_grid
 from gridfold.numerics.watch import Watch, first_fired
 from gridfold.simulation.segment import Piece, Segment
@@ -58,6 +59,7 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
     """Integrate what `plan` says, from the whole system's state `x0` at time `start`.
 
     A system that offers a ``ClosedForm`` is not stepped: `stepper` gives the sampling times alone.
+    Where the time of the machine is limited, a TimeLimitError ends the run, see :func:`time_limit`.
     """
     pieces: list[Piece] = []
     time, x = start, x0
@@ -98,10 +100,15 @@ def _integrate(
     segment: Segment, times: NDArray[np.float64], x0: NDArray[np.float64], stepper: Stepper
 ) -> Integration | _Formula:
     """States of the segment's system from `x0` along `times`, until a stop or a switch fires."""
+    check_time()
     watches = (*(stop.watch for stop in segment.stops), *segment.switches)
     if has_closed_form(segment.system):
         return _evaluate(segment.system, times, x0, watches)
-    return stepper.integrate(segment.system.compiled, times, x0, watches)
+    limited = (*watches, *time_watches())
+    result = stepper.integrate(segment.system.compiled, times, x0, limited)
+    if result.fired > len(watches):
+        check_time()
+    return result
 
 
 def _evaluate(
@@ -118,6 +125,7 @@ def _evaluate(
     states = np.empty((len(times), len(x0)))
     states[0] = x0
     for start in range(1, len(times), BLOCK):
+        check_time()
         reach = partial(system.reach, states[start - 1], elapsed[-1] - elapsed[start - 1])
         if all(watch.never(reach) for watch in watches):
             end = system.states_after(x0, elapsed[-1:])[0]

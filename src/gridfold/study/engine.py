@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -20,16 +21,19 @@ from gridfold.errors import OptionError
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.study.executors import Team, Workers, team
-from gridfold.study.generate import contingency_from_record
+from gridfold.numerics.deadline import check_limit
+from gridfold.study.executors import Workers, team
+from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.grid_map import grid_map
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
 from gridfold.study.own_devices import code_record, own_errors_are_told, require_trust
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
+from gridfold.study.processes import refuse_nested
 from gridfold.study.solve import Batch, Task
 from gridfold.study.study_file import Study, load_study
 from gridfold.study.summary import column_types
+from gridfold.study.team import Team
 from gridfold.study.work import Progress, Stage, StudyRun, Work
 
 #: Most contingencies that are handed out together: a kill loses them all.
@@ -42,6 +46,8 @@ def run_study(
     out: str | Path | None = None,
     *,
     resume: bool = False,
+    retry_failed: bool = False,
+    time_limit: float | None = None,
     workers: Workers | str = Workers.THREADS,
     count: int | None = None,
     cluster: str | None = None,
@@ -61,6 +67,10 @@ def run_study(
         Folder of the results; by default ``NAME.results`` beside the file ``NAME.toml``.
     resume : bool
         Go on with what is there; without it the folder must not hold a study.
+    retry_failed : bool
+        Go on, and try again what has failed; a row stays until there is a new one.
+    time_limit : float, optional
+        Longest time on the machine for one contingency in seconds, instead of the study's.
     workers : {"threads", "processes"}
         What works on this machine.
     count : int, optional
@@ -95,16 +105,26 @@ def run_study(
     start = Path(folder) if folder is not None else (path.parent if path else Path())
     target = _target(out, path)
     kind = _kind(workers)
+    check_limit(time_limit)
+    if kind is Workers.PROCESSES or cluster == "local":
+        refuse_nested()
+    goes_on = resume or retry_failed
     tell = on_progress or (lambda progress: None)
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
     named = read_named(wanted, start)
     require_trust(named.own_code, trust_devices)
     with own_errors_are_told(named.own_code), ExitStack() as stack:
-        store, todo, offline, prepared = _open(wanted, named, target, resume, count, stack)
+        # Locked before the work begins, so that two runs cannot both find it free.
+        earlier = stack.enter_context(StudyStore.resume(target)) if goes_on else None
+        offline, contingencies = _offline(wanted, named, count, earlier, time_limit)
+        prepared = prepare(offline)
+        # Proved before anything is written: workers that do not start leave nothing behind.
+        crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
+        store = earlier or stack.enter_context(_create(target, offline, prepared, contingencies))
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
-        crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
+        todo = _batches(_tasks(store, retry_failed), prepared)
         work = Work(store, crew, todo, tell, began)
         stage = work.run(stop or Event())
         store.tell("last_run", _provenance(crew))
@@ -124,32 +144,40 @@ def _target(out: str | Path | None, path: Path | None) -> Path:
     return path.with_suffix(".results") if path else Path("study.results")
 
 
-def _open(
-    study: Study, named: NamedFiles, target: Path, resume: bool, count: int | None, stack: ExitStack
-) -> tuple[StudyStore, list[Batch], Offline, Prepared]:
-    """The store, what is to be done, and the study made ready."""
-    if resume:
-        # Locked before the work begins, so that two runs cannot both find it free.
-        store = stack.enter_context(StudyStore.resume(target))
+def _offline(
+    study: Study,
+    named: NamedFiles,
+    count: int | None,
+    store: StudyStore | None,
+    time_limit: float | None,
+) -> tuple[Offline, tuple[Contingency, ...]]:
+    """The study made ready for workers; with a store, for the rest of that."""
+    if store is not None:
         refuse_other(store, study)
         refuse_other_files(store, named.hashes)
-    earlier = store.identity["settings"] if resume else None
+    earlier = None if store is None else store.identity["settings"]
     offline, contingencies = do_offline_work(study, named, count, earlier)
-    prepared = prepare(offline)
-    identity = identity_of(offline)
-    if resume:
-        refuse_changed(store, identity, contingencies)
-    else:
-        about = identity | {
-            "study": study.content(),
-            "settings": describe(offline, prepared),
-            "map": grid_map(offline.case, offline.study_buses),
-            "own_code": [code_record(code) for code in named.own_code],
-            "checked": sorted(_checked(study, len(contingencies))),
-        }
-        records = [item.record() for item in contingencies]
-        store = stack.enter_context(StudyStore.create(target, about, records, column_types()))
-    return store, _batches(_tasks(store), prepared), offline, prepared
+    if store is not None:
+        if store.identity.get("fingerprint") == offline.case.fingerprint:
+            store.complete_list([item.record() for item in contingencies])
+        refuse_changed(store, identity_of(offline), contingencies)
+    limit = study.run.time_limit if time_limit is None else time_limit
+    return replace(offline, time_limit=limit), contingencies
+
+
+def _create(
+    target: Path, offline: Offline, prepared: Prepared, contingencies: Sequence[Contingency]
+) -> StudyStore:
+    """A new store with what the study is about."""
+    about = identity_of(offline) | {
+        "study": offline.study.content(),
+        "settings": describe(offline, prepared),
+        "map": grid_map(offline.case, offline.study_buses),
+        "own_code": [code_record(code) for code in offline.named.own_code],
+        "checked": sorted(_checked(offline.study, len(contingencies))),
+    }
+    records = [item.record() for item in contingencies]
+    return StudyStore.create(target, about, records, column_types())
 
 
 def _checked(study: Study, total: int) -> set[int]:
@@ -159,8 +187,10 @@ def _checked(study: Study, total: int) -> set[int]:
     return {int(number) for number in np.linspace(1, total, size).round()} if size else set()
 
 
-def _tasks(store: StudyStore) -> list[Task]:
+def _tasks(store: StudyStore, retry_failed: bool) -> list[Task]:
     done, checked = store.done(), set(store.identity["checked"])
+    if retry_failed:
+        done -= store.failed()
     return [
         Task(contingency_from_record(record), record["number"] in checked)
         for record in store.contingencies()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -84,9 +85,11 @@ def list_contingencies(
         raise OptionError(
             "the study has no contingencies: see the keys of [contingencies] and [[contingency]]"
         )
-    counts = Counter(name for name, _, _ in found)
-    if twice := [name for name, count in counts.items() if count > 1]:
-        raise OptionError(f"contingencies of one name: {', '.join(twice[:8])}")
+    # Names that look alike are one name to whoever reads a table.
+    counts = Counter(_looks(name) for name, _, _ in found)
+    if twice := [name for name, _, _ in found if counts[_looks(name)] > 1]:
+        listed = ", ".join(repr(name) for name in dict.fromkeys(twice[:8]))
+        raise OptionError(f"contingencies of one name: {listed}")
     result = []
     for number, (name, kind, events) in enumerate(found, start=1):
         try:
@@ -161,20 +164,25 @@ def machine_trips(
 
 
 def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
-    """Contingencies from a CSV table: rows with the same name are the events of one contingency.
+    """Contingencies from a CSV table, a row each; events of one are numbered in a column ``event``.
 
     Columns ``name`` and ``kind``, and fields of the events; an empty cell stands for the default.
     """
     table = read_table(path)
+    taken: dict[tuple[str, str], int] = {}
     for needed in ("name", "kind"):
         if table.columns and needed not in table.columns:
             table.fault(table.header_line, f"column {needed!r} is missing")
     events: dict[str, list[Event]] = {}
     for line, cells in table.rows if not table.faults else ():
-        record = {key: text for key, text in cells.items() if text and key != "name"}
+        record = {key: text for key, text in cells.items() if text and key not in ("name", "event")}
         name = cells["name"]
         if not name:
             table.fault(line, "name is empty")
+            continue
+        first = taken.setdefault((_looks(name), cells.get("event", "")), line)
+        if first != line:
+            table.fault(line, _named_before(name, first, "event" in table.columns))
             continue
         try:
             events.setdefault(name, []).append(event_from_record(record, name))
@@ -184,6 +192,22 @@ def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
         raise CaseFileError(table.faults, str(path))
     for name, together in events.items():
         yield name, _kind_of(together), tuple(together)
+
+
+def _looks(name: str) -> str:
+    """A name without what cannot be seen of it."""
+    shape = unicodedata.normalize("NFKC", name)
+    seen = (c for c in shape if unicodedata.category(c) not in ("Cf", "Cc") or c.isspace())
+    return " ".join("".join(seen).split())
+
+
+def _named_before(name: str, line: int, numbered: bool) -> str:
+    if numbered:
+        return f"{name!r} has this event in line {line} already"
+    return (
+        f"{name!r} is the name in line {line} already; contingencies have names of their own, and the "
+        "events of one are numbered in a column 'event'"
+    )
 
 
 def _explicit(section: ContingencySection) -> tuple[str, str, tuple[Event, ...]]:

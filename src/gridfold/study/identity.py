@@ -12,7 +12,7 @@ from gridfold.io.study_store import StudyStore
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Offline
-from gridfold.study.study_file import Study
+from gridfold.study.study_file import FREE_KEYS, Study
 from gridfold.version import __version__
 
 
@@ -32,7 +32,7 @@ def identity_of(offline: Offline) -> dict[str, Any]:
 def refuse_other(store: StudyStore, study: Study) -> None:
     """Say which key differs before the work is done, where the study file is another one."""
     before, now = store.identity["study"], study.content()
-    for key in sorted(_flat(before).keys() | _flat(now).keys()):
+    for key in sorted((_flat(before).keys() | _flat(now).keys()) - FREE_KEYS):
         was, wants = _flat(before).get(key), _flat(now).get(key)
         if was != wants:
             raise OptionError(

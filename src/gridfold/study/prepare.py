@@ -78,6 +78,8 @@ class Offline:
         The files that the study names: code of further device models as it was read, and digests.
     sources : str
         SHA-256 of the sources of gridfold.
+    time_limit : float, optional
+        Longest time for one contingency in seconds.
     """
 
     study: Study
@@ -90,13 +92,15 @@ class Offline:
     reduced: bytes | None
     named: NamedFiles
     sources: str = SOURCES
+    time_limit: float | None = None
 
     @cached_property
     def token(self) -> str:
         """What tells one study from another."""
         digest = hashlib.sha256(self.case.fingerprint.encode())
         digest.update(self.study.model_dump_json().encode())
-        digest.update(repr((self.settings, self.method, sorted(self.study_buses))).encode())
+        chosen = (self.settings, self.method, sorted(self.study_buses), self.time_limit)
+        digest.update(repr(chosen).encode())
         digest.update(self.reduced or b"")
         digest.update(repr([code.digest for code in self.named.own_code]).encode())
         return digest.hexdigest()
@@ -119,6 +123,7 @@ class Prepared:
     small: SmallModels | None
     rule: SwitchingRule
     intact: ModelStore
+    time_limit: float | None = None
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -200,7 +205,8 @@ def prepare(offline: Offline) -> Prepared:
             small.get(model, mode)
             small.limits(model, mode)
     rule = offline.settings.rule
-    return Prepared(study, model, offline.method, criterion, parts, small, rule, intact)
+    method, limit = offline.method, offline.time_limit
+    return Prepared(study, model, method, criterion, parts, small, rule, intact, limit)
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:

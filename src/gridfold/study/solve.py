@@ -23,6 +23,7 @@ from gridfold.grid.case import UnitKey
 from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.clearing_time import critical_clearing_time
 from gridfold.runs.simulate import ModelStore, simulate
@@ -72,7 +73,8 @@ def solve(prepared: Prepared, task: Task) -> Solved:
     """Simulate a contingency; whatever goes wrong becomes a row with its reason."""
     began = time.perf_counter()
     try:
-        return _Solver(prepared, task).solve(began)
+        with time_limit(prepared.time_limit):
+            return _Solver(prepared, task).solve(began)
     except GridfoldError as error:
         return failed(task, str(error), time.perf_counter() - began)
     except Exception as error:  # one contingency is never the end of a study

@@ -5,7 +5,6 @@ A TOML file. Its JSON Schema is that of :class:`Study`, see :func:`json_schema`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from importlib import resources
@@ -37,6 +36,8 @@ from gridfold.runs.synchronism import SynchronismCriterion
 Positive = Annotated[float, Field(gt=0, lt=inf)]
 NotNegative = Annotated[float, Field(ge=0, lt=inf)]
 Count = Annotated[int, Field(ge=0)]
+#: Keys that do not change what a row says, so that a study may go on with another value.
+FREE_KEYS = frozenset({"run.time_limit"})
 #: Which buses: ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3``, ``1-36,78``.
 Where = str
 
@@ -214,6 +215,11 @@ class Run(_Section):
         default=0.12,
         description="Distance from synchronous speed at which a machine is off speed (p.u.).",
     )
+    time_limit: Positive | None = Field(
+        default=None,
+        description="Longest time on the machine for one contingency (s); it fails beyond. It may "
+        "differ where a study goes on.",
+    )
 
     @property
     def criterion(self) -> SynchronismCriterion:
@@ -352,18 +358,16 @@ def write_template(path: str | Path) -> None:
 class _Lines:
     """Finds the line of a key in a TOML text, for messages."""
 
-    _TABLE = re.compile(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?")
-    _KEY = re.compile(r"""\s*["']?([\w\-]+)["']?\s*=""")
-
     def __init__(self, text: str):
         self._where: dict[tuple[str, ...], int] = {}
         table: tuple[str, ...] = ()
         for number, line in enumerate(text.splitlines(), start=1):
-            if found := self._TABLE.match(line):
-                table = tuple(part.strip() for part in found[1].split("."))
+            text = line.strip()
+            if text.startswith("["):
+                table = tuple(map(_bare, text.lstrip("[").partition("]")[0].split(".")))
                 self._where.setdefault(table, number)
-            elif found := self._KEY.match(line):
-                self._where.setdefault((*table, found[1]), number)
+            elif "=" in text:
+                self._where.setdefault((*table, _bare(text.partition("=")[0])), number)
 
     def find(self, location: Sequence[int | str]) -> int | None:
         """Line of a key, or of the innermost table around it that the file has."""
@@ -372,6 +376,11 @@ class _Lines:
             if names[:length] in self._where:
                 return self._where[names[:length]]
         return None
+
+
+def _bare(key: str) -> str:
+    """A key without quotes."""
+    return key.strip().strip("\"'")
 
 
 def _fault(item: ErrorDetails, lines: _Lines | None = None, path: Path | None = None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
@@ -11,17 +12,18 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from gridfold.errors import OptionError
 from gridfold.io.results import replacing
 from gridfold.io.study_store import StudyStore
-from gridfold.study.executors import Solving, Team
 from gridfold.study.solve import Batch, Solved, failed
+from gridfold.study.team import Solving, Team
 
 #: Batches handed out for each worker: one that is worked on, one that waits.
 _AHEAD = 2
 #: Seconds after which a wait is broken off to see whether the study is to be stopped.
 _GLANCE = 0.2
-#: Times a contingency is tried where the process that worked on it dies.
-_TRIES = 3
+#: Times a contingency is tried alone where the process that worked on it dies.
+_TRIES = 2
 
 
 class Stage(Enum):
@@ -91,7 +93,12 @@ class StudyRun:
 
 
 class Work:
-    """Batches that are handed out, and the count of what came back."""
+    """Batches that are handed out, and the count of what came back.
+
+    A worker that dies takes others with it: those that were in flight are suspects, and are tried again
+    one by one with nothing beside them. Only who loses its worker alone is written down as failed, and
+    nobody before the first result: workers that never give one are an error, not a result.
+    """
 
     def __init__(
         self,
@@ -105,16 +112,26 @@ class Work:
         self.total = len(store.contingencies())
         contingencies = [task.contingency for batch in todo for task in batch]
         self.names = {item.number: item.name for item in contingencies}
+        self.left = set(self.names)
+        self.redone = self.left & store.done()
         self.waiting: Iterator[Batch] = iter(todo)
-        self.again: list[Batch] = []
-        self.tries: dict[int, int] = {}
+        self.suspects: list[Batch] = []
+        self.alone: Solving | None = None
+        self.lost: list[Solved] = []
+        self.tries: Counter[int] = Counter()
         self.flying: dict[Solving, Batch] = {}
         self.counts = _counts(store)
         self.here = 0
         self.started = time.monotonic()
 
     def run(self, stop: Event) -> Stage:
-        """Work until all is done, or `stop` is set."""
+        """Work until all is done, or `stop` is set.
+
+        Raises
+        ------
+        OptionError
+            The workers take no tasks, or end before the first result.
+        """
         self._tell(Stage.RUNNING, message=self.crew.description)
         try:
             while self._hand_out() and not stop.is_set():
@@ -124,7 +141,9 @@ class Work:
             stop.set()
         if stop.is_set():
             self._wind_up()
-        stage = Stage.DONE if sum(self.counts.values()) == self.total else Stage.INTERRUPTED
+        elif self.lost:
+            raise OptionError(f"the workers end before the first result: {self._reason()}")
+        stage = Stage.INTERRUPTED if self.left else Stage.DONE
         self._tell(stage)
         return stage
 
@@ -146,12 +165,26 @@ class Work:
 
     def _hand_out(self) -> bool:
         """Keep the workers busy; false when nothing is left."""
-        while len(self.flying) < _AHEAD * self.crew.count:
-            batch = self.again.pop() if self.again else next(self.waiting, None)
+        if self.suspects:
+            if not self.flying:
+                self.alone = self._submit(self.suspects.pop(0))
+            return True
+        while self.alone is None and len(self.flying) < _AHEAD * self.crew.count:
+            batch = next(self.waiting, None)
             if batch is None:
                 break
-            self.flying[self.crew.submit(batch)] = batch
+            self._submit(batch)
         return bool(self.flying)
+
+    def _submit(self, batch: Batch) -> Solving:
+        try:
+            future = self.crew.submit(batch)
+        except Exception as error:  # the executor may be anybody's
+            raise OptionError(
+                f"the workers take no more tasks: {type(error).__name__}: {error}"
+            ) from None
+        self.flying[future] = batch
+        return future
 
     def _take(self, done: set[Solving]) -> None:
         """Write what has come back."""
@@ -159,19 +192,30 @@ class Work:
             self._write(self._results(future, self.flying.pop(future)))
 
     def _results(self, future: Solving, batch: Batch) -> tuple[Solved, ...]:
-        """What a future holds. Where it was lost, its contingencies are tried again one by one."""
+        """What a future holds, with what was lost before the first result."""
+        alone, self.alone = self.alone is future, None
         try:
-            return future.result()
+            found = future.result()
         except Exception as error:  # the worker, or the way to it, not the contingency
-            lost = []
-            for task in batch:
-                number = task.contingency.number
-                self.tries[number] = self.tries.get(number, 0) + 1
-                if self.tries[number] < _TRIES:
-                    self.again.append((task,))
-                else:
-                    lost.append(failed(task, f"{type(error).__name__}: {error}"))
-            return tuple(lost)
+            self._suspect(batch, alone, f"{type(error).__name__}: {error}")
+            found = ()
+        if not found and not self.here:
+            return ()
+        lost, self.lost = tuple(self.lost), []
+        return (*lost, *found)
+
+    def _suspect(self, batch: Batch, alone: bool, reason: str) -> None:
+        """Have the tasks of a lost batch tried alone; give up one that was, more than once."""
+        for task in batch:
+            number = task.contingency.number
+            self.tries[number] += alone
+            if self.tries[number] < _TRIES:
+                self.suspects.append((task,))
+            else:
+                self.lost.append(failed(task, reason))
+
+    def _reason(self) -> str:
+        return str(self.lost[0].figures["reason"])
 
     def _write(self, batch: tuple[Solved, ...]) -> None:
         for solved in batch:
@@ -179,9 +223,11 @@ class Work:
                 name = f"{solved.result.number:06d}.parquet"
                 with replacing(self.store.folder / "trajectories" / name) as temporary:
                     temporary.write_bytes(solved.parquet)
-        self.store.add([solved.result for solved in batch])
+        self.store.add([solved.result for solved in batch], again=self.redone)
         for solved in batch:
             number = solved.result.number
+            self.left.discard(number)
+            self.counts["failed"] -= number in self.redone
             self.counts[_verdict(solved.figures)] += 1
             self.here += 1
             latest = {"number": number, "name": self.names[number], **solved.figures}
@@ -189,6 +235,7 @@ class Work:
 
     def _wind_up(self) -> None:
         """Call back what has not begun, and write what comes of the rest."""
+        self.suspects.clear()
         for future in list(self.flying):
             if future.cancel():
                 del self.flying[future]

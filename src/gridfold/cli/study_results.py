@@ -1,0 +1,166 @@
+"""Commands about the results of a study: show, report, check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gridfold.cli.console import ExitCode, err, out, write_json_option
+from gridfold.cli.options import JsonOption
+from gridfold.cli.study import StudyFolder, output_option
+from gridfold.errors import OptionError
+from gridfold.io.results import write_csv, write_parquet
+from gridfold.io.spreadsheet import formula_cells, without_formulas
+from gridfold.io.study_repair import check_store, repair_store
+from gridfold.io.study_store import StudyStore
+from gridfold.report.study_report import write_report
+from gridfold.report.study_tables import (
+    count_line,
+    damage_lines,
+    result_table,
+    study_counts,
+    study_facts,
+)
+from gridfold.report.tables import facts_table
+
+_CHECK_HELP = """Read all of a study's results and say which are whole.
+
+With --repair the folder gets a new file with those that are, the damaged one stays beside it, and
+gridfold run --resume does the others anew.
+
+Exit codes: 0 all is whole, or repaired; 1 something is damaged; 2 nothing can be read.
+"""
+
+
+def show(
+    folder: StudyFolder,
+    sort: Annotated[
+        str | None, typer.Option(help="Column to sort by.", show_default="number")
+    ] = None,
+    descending: Annotated[bool, typer.Option("--descending", help="The largest first.")] = False,
+    where: Annotated[
+        str | None,
+        typer.Option(help="Condition in SQL, such as 'stable = 0 AND lowest_voltage < 0.8'."),
+    ] = None,
+    columns: Annotated[
+        str, typer.Option(help="Columns of the table, by commas; all: every one.")
+    ] = "",
+    limit: Annotated[int, typer.Option(min=1, help="Rows of the table.")] = 40,
+    csv: Annotated[Path | None, output_option(help="Write all rows as CSV.")] = None,
+    csv_safe: Annotated[
+        bool,
+        output_option("--csv-safe", help="Put ' before texts that a spreadsheet would run."),
+    ] = False,
+    parquet: Annotated[Path | None, output_option(help="Write all rows as Parquet.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Show the results of a study, also while it runs.
+
+    Example:
+
+      gridfold show study.results --where "stable = 1" --sort lowest_voltage
+    """
+    if csv_safe and csv is None:
+        raise OptionError("--csv-safe says how --csv writes; give --csv too")
+    with StudyStore.read(folder) as store:
+        _warn_of_damage(store)
+        frame = store.frame(where, sort, descending)
+        about, counts = store.identity, study_counts(store)
+        if json != "-":
+            out.print(facts_table(study_facts(store)))
+        chosen = [name.strip() for name in columns.split(",") if name.strip()]
+        if unknown := [name for name in chosen if name not in (*store.columns, "all")]:
+            known = ", ".join(store.columns)
+            raise OptionError(f"there is no column {unknown[0]!r}; there are: {known}")
+        wanted = list(store.columns) if chosen == ["all"] else chosen
+    told = ("gridfold", "sources", "case", "fingerprint", "files", "study", "settings")
+    notes = {key: about[key] for key in told if key in about} | {"counts": counts.record()}
+    if csv is not None:
+        formulas = formula_cells(frame)
+        write_csv(csv, without_formulas(frame) if csv_safe else frame, notes)
+        _tell_formulas(csv, formulas, csv_safe)
+    if parquet is not None:
+        write_parquet(parquet, frame, notes)
+    if json is not None:
+        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        write_json_option(json, notes | {"results": rows})
+    if json != "-":
+        out.print(result_table(frame, limit, wanted))
+        out.print(count_line(len(frame), limit, counts))
+
+
+def report(
+    folder: StudyFolder,
+    file: Annotated[
+        Path | None, typer.Option("--out", help="The page.", show_default="FOLDER/report.html")
+    ] = None,
+) -> None:
+    """Write the report of a study: one page that needs no network."""
+    target = folder / "report.html" if file is None else file
+    with StudyStore.read(folder) as store:
+        write_report(store, target)
+        _warn_of_damage(store)
+    out.print(f"{target} is written")
+
+
+def check(
+    folder: StudyFolder,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Keep what is whole; the rest is done anew.")
+    ] = False,
+    json: JsonOption = None,
+) -> None:
+    """Read all of a study's results and say which are whole."""
+    found = check_store(folder)
+    record = {
+        "contingencies": found.contingencies,
+        "results": found.results,
+        "unsealed": found.unsealed,
+        "damage": [{"what": d.what, "why": d.why, "number": d.number} for d in found.damage],
+    }
+    mended = repair_store(folder) if repair and found.damage else None
+    if mended is not None:
+        record["repaired"] = {"kept": mended.kept, "damaged_file": str(mended.damaged_file)}
+    write_json_option(json, record)
+    if json != "-":
+        facts = {
+            "Whole": f"{found.results} results of {found.contingencies} contingencies",
+            "Damaged": str(len(found.damage)) if found.damage else "nothing",
+        }
+        if found.unsealed:
+            facts["Unsealed"] = (
+                f"{found.unsealed} results are of a version that sealed none: a changed digit in them "
+                "cannot be told"
+            )
+        if mended is not None:
+            facts["Repaired"] = (
+                f"{mended.kept} results are kept; gridfold run --resume does the rest"
+            )
+            facts["Damaged file"] = str(mended.damaged_file)
+        out.print(facts_table(facts))
+        for line in damage_lines(found.damage, folder):
+            out.print(line, style="yellow")
+    raise typer.Exit(ExitCode.FAILED if found.damage and mended is None else ExitCode.COMPLETED)
+
+
+check.__doc__ = _CHECK_HELP
+
+
+def _warn_of_damage(store: StudyStore) -> None:
+    for line in damage_lines(store.damage, store.folder):
+        err.print(f"warning: {line}", style="yellow")
+
+
+def _tell_formulas(csv: Path, count: int, safe: bool) -> None:
+    if not count:
+        return
+    cells = "1 text" if count == 1 else f"{count} texts"
+    if safe:
+        err.print(f"{csv}: {cells} that a spreadsheet would run as formulas begin with ' now")
+    else:
+        err.print(
+            f"warning: {csv}: a spreadsheet would run {cells} as formulas; --csv-safe defuses them",
+            style="yellow",
+        )
