@@ -255,7 +255,7 @@ def test_a_file_that_hides_its_revision_is_read_as_it_is_told_on_every_way(comma
         "case": {"source": path.name, "raw_revision": 33},
         "contingencies": {"bus_faults": "1-3"},
     }
-    case, _ = load_grid(parse_study(content), tmp_path)
+    case = load_grid(parse_study(content), tmp_path)
     assert case.fingerprint == facts["fingerprint"]
 
 
