@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto clean
+.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -30,6 +30,16 @@ docs: $(VENV)/.dev
 kill-test: $(VENV)/.dev
 	$(BIN)/python benchmarks/kill_and_resume.py
 
+# Spoilt input for every reader and the command. MINUTES of it; it goes on where it ended.
+MINUTES ?= 10
+SEED ?= 1
+fuzz: $(VENV)/.dev
+	PYTHONPATH=tests:benchmarks $(BIN)/python -m fuzz --minutes $(MINUTES) --seed $(SEED)
+
+# The tests on the lowest and the newest versions of all packages, on every Python that is found.
+test-matrix:
+	$(PYTHON) tests/matrix.py .venv-matrix
+
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run_all.py
 
@@ -50,7 +60,7 @@ bench-auto: $(VENV)/.dev
 	$(BIN)/python benchmarks/auto_studies.py
 
 clean:
-	rm -rf $(VENV) $(PEERS) build docs/_build docs/_generated gridfold-demo
+	rm -rf $(VENV) $(PEERS) .venv-matrix .fuzz.json build docs/_build docs/_generated gridfold-demo
 
 $(VENV)/bin/pip:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gridfold needs Python 3.11 or later")'

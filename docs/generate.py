@@ -45,6 +45,8 @@ MADE_ELSEWHERE = {
     "polish": ("make bench-polish", 2),
     "low_rank": ("make bench-low-rank", 2),
     "studies": ("python benchmarks/studies.py", 3),
+    "fuzz": ("make fuzz", 3),
+    "matrix": ("make test-matrix", 3),
     "kill_and_resume": ("make kill-test", 3),
 }
 

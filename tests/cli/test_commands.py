@@ -292,10 +292,13 @@ def test_a_backend_of_a_notebook_costs_neither_picture_nor_file(command, tmp_pat
     assert (tmp_path / "a.png").stat().st_size > 0
 
 
-def test_what_is_cheap_is_written_before_a_picture_fails(command, tmp_path):
-    """The folder of the picture is a file."""
-    (tmp_path / "file").write_text("")
-    files = ("--json", tmp_path / "a.json", "--plot", tmp_path / "file" / "a.png")
+def test_what_is_cheap_is_written_before_a_picture_fails(command, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise gf.OutputError("a.png: cannot be written")
+
+    monkeypatch.setattr("gridfold.cli.run.plot_trajectory", fail)
+    monkeypatch.setattr("gridfold.cli.analysis.plot_eigenvalues", fail)
+    files = ("--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     for arguments in (
         ("simulate", "npcc", "--fault-bus", 3, "--t-end", 0.2, "--csv", tmp_path / "a.csv"),
         ("eigenvalues", "npcc"),
@@ -306,3 +309,38 @@ def test_what_is_cheap_is_written_before_a_picture_fails(command, tmp_path):
         assert out
         (tmp_path / "a.json").unlink()
     assert (tmp_path / "a.csv").exists()
+
+
+def test_a_detailed_run_with_tables_is_written_while_it_runs(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("gridfold.cli.run.summarize", None)  # needs the whole run
+    few = "speed_pu:78:1,voltage_pu:3"
+    code, out, _ = command(
+        "simulate", "npcc", "--t-end", 0.2, "--csv", tmp_path / "a.csv", "--columns", few
+    )
+    assert code == 0
+    assert "Lowest voltage" in out
+    assert (tmp_path / "a.csv").read_text().splitlines()[0] == f"time,{few}"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--t-end", "1e9"), "would take 2.91 TiB of memory"),
+        (("--t-end", "nan"), "positive number of seconds, not nan"),
+        (("--t-end", "1e400"), "positive number of seconds, not inf"),
+        (("--csv", ""), "cannot be written"),
+        (("--npz", "/dev/null"), "it is a pipe or a device"),
+        (("--columns", "speed_pu:*"), "--columns has no effect without --csv"),
+        (("--signals", "speed"), "--signals has no effect without --csv"),
+        (("--csv", "a.csv", "--columns", "speed:x"), "there is no column 'speed:x'"),
+        (("--csv", "a.csv", "--columns", "time", "--signals", "x"), "not both"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_the_run(
+    command, tmp_path, monkeypatch, options, said
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = command("simulate", "npcc", *options)
+    assert code == 2
+    assert said in " ".join(err.split())
+    assert not list(tmp_path.iterdir())

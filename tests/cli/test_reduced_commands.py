@@ -11,7 +11,7 @@ import pytest
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.saved import save_reduced
-from gridfold.grid.number_ranges import as_ranges, parse_numbers
+from gridfold.grid.number_ranges import as_ranges, parse_ranges
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
 
@@ -650,4 +650,4 @@ def test_help_shows_options_by_group(command):
 
 @pytest.mark.parametrize("text", ["1-36", "3", "3,7", "1-2,5,9-12,140"])
 def test_ranges_of_numbers_are_text_and_back(text):
-    assert as_ranges(parse_numbers(text)) == text
+    assert as_ranges(number for part in parse_ranges(text) for number in part) == text

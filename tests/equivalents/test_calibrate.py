@@ -32,6 +32,20 @@ def worst_error(parts, family, angle_deg, fault):
     return gf.compare(detailed, run, parts.study_units).worst
 
 
+@pytest.mark.parametrize("step", [0.1, 0.9])
+@pytest.mark.filterwarnings("ignore::gridfold.StepWarning")
+def test_runs_of_a_few_samples_are_not_compared(parts, step):
+    with pytest.raises(gf.OptionError, match=r"samples; comparing angles takes 50 or more"):
+        calibrate(parts, FAULTS, T_END, gf.ImplicitTrapezoidal(step))
+
+
+def test_runs_that_the_memory_cannot_hold_together_are_refused(parts, monkeypatch):
+    monkeypatch.setenv("GRIDFOLD_MEMORY_GIB", "0.01")
+    calibrate_many = FAULTS * 50
+    with pytest.raises(gf.OptionError, match="100 runs at once of 301 samples"):
+        calibrate(parts, calibrate_many, T_END)
+
+
 def test_the_angle_found_satisfies_and_one_degree_more_does_not(parts):
     kind = ThresholdKind.PARTITIONED
     family = gf.SmallModels(gf.reduce(parts))

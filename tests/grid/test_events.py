@@ -133,12 +133,21 @@ def test_machine_that_is_out_of_service_cannot_trip(ring):
         gf.MachineTrip(3, "9").changes(ring)
 
 
-def test_load_steps_add_up_in_order(ring):
+def test_load_steps_at_a_bus_add_up(ring):
     state = initial_state(ring)
-    for step in (gf.LoadStep(2, 1.0, 10.0, 5.0), gf.LoadStep(2, 2.0, -10.0)):
+    steps = (gf.LoadStep(2, 1.0, 10.0, 5.0), gf.LoadStep(3, 1.0, 1.0), gf.LoadStep(2, 2.0, -10.0))
+    for step in steps:
         (change,) = step.changes(ring)
         state = change.apply(state)
-    assert state.load_steps == ((2, 10 + 5j), (2, -10 + 0j))
+    assert state.load_steps == ((2, 5j), (3, 1 + 0j))
+
+
+def test_load_that_comes_and_goes_leaves_the_state_as_it_was(ring):
+    state = initial_state(ring)
+    for power in (10.0, -10.0):
+        (change,) = gf.LoadStep(2, 1.0, power, power / 2).changes(ring)
+        state = change.apply(state)
+    assert state == initial_state(ring)
 
 
 @pytest.mark.parametrize(

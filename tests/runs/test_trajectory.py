@@ -27,7 +27,7 @@ def test_terminal_powers_are_voltage_times_conjugate_current_at_the_bus(run):
     power = run.signal("active_power", [unit]) + 1j * run.signal("reactive_power", [unit])
     index = run.model.layout.signal_slots
     source = [index[unit, name] for name in ("source_real", "source_imag")]
-    signals = np.concatenate([part.model.signals(part.states) for part in run._parts])
+    signals = np.concatenate([part.model.signals(part.states) for part in run.parts])
     voltage = run.bus_voltage([24])[:, 0]
     norton = signals[:, source[0]] + 1j * signals[:, source[1]]
     current = norton - run.model.injections.machine[unit] * voltage

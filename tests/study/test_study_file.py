@@ -164,7 +164,7 @@ def test_every_key_of_the_model_reaches_its_settings():
     model = parse_study({"model": keys}).model
     assert model.settings(model.kind) == ModelSettings(
         ModelKind.LINEAR,
-        RetainSettings(buses=(42, 50, 51)),
+        RetainSettings(buses=(range(42, 43), range(50, 52))),
         ReductionSettings(ReducerKind.BALANCED, None, 60, 0.1, Weights.STATES),
         Outputs.STATES,
         BoundaryCoupling.LAGGED,

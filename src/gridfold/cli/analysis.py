@@ -29,7 +29,7 @@ from gridfold.cli.options import (
 )
 from gridfold.equivalents.auto import Work
 from gridfold.grid.events import BusFault
-from gridfold.grid.number_ranges import parse_numbers
+from gridfold.grid.number_ranges import numbers_in
 from gridfold.report.plain import as_lines
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
@@ -199,9 +199,9 @@ def cct(
 
     Example: gridfold cct npcc --buses 1-36 --json cct.json
     """
-    faults = [BusFault(bus) for bus in parse_numbers(buses)]
     criterion = runs.criterion
     grid = source.build()
+    faults = [BusFault(bus) for bus in numbers_in(grid.case, buses, "--buses")]
     basis = basis_of(grid)
     count = _RUNS_PER_FAULT * len(faults)
     method = choose_for_many(

@@ -32,12 +32,12 @@ from gridfold.cli.options import (
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.calibrate import Calibration, Threshold, ThresholdKind
+from gridfold.equivalents.calibrate import Calibration, Threshold, ThresholdKind, check_runs
 from gridfold.equivalents.calibrate import calibrate as run_calibration
 from gridfold.equivalents.contingency_errors import AngleError, Contingency
 from gridfold.equivalents.saved import reducer_record
 from gridfold.grid.events import BusFault, Event
-from gridfold.grid.number_ranges import as_ranges, parse_numbers
+from gridfold.grid.number_ranges import as_ranges, numbers_in
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
@@ -96,12 +96,13 @@ def calibrate(
     refuse(["--weights"] if reduction.weights else [], "the models of the paper")
     reducer = reduction.settings.build(ported=False)
     events = [parse_event(text) for text in event or []]
-    faulted = None if buses is None else parse_numbers(buses)
     model = source.build()
+    faulted = None if buses is None else numbers_in(model.case, buses, "--buses")
     method = runs.choose(model)
     parts = partition(model, area.find(model.case, source.case))
     if faulted is None:
         faulted = [] if events else sorted(parts.study_buses)
+    check_runs(parts, len(faulted) + len(events), runs.t_end, method.stepper)
     with stage_bars() as bars:
         result = run_calibration(
             parts,

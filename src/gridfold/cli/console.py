@@ -94,6 +94,15 @@ def say_basis(basis: Basis) -> None:
         out.print(text, style="bold yellow")
 
 
+class QuietProgress(Progress):
+    """Bars that print nothing where they are disabled; before rich 15 they end in an empty line."""
+
+    def stop(self) -> None:
+        """End the display, if there is one."""
+        if not self.disable:
+            super().stop()
+
+
 class StageBars:
     """Progress bars, one for each stage."""
 
@@ -122,5 +131,7 @@ def stage_bars() -> Iterator[StageBars]:
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+    with QuietProgress(
+        *columns, console=err, transient=True, disable=not err.is_terminal
+    ) as progress:
         yield StageBars(progress)

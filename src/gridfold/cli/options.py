@@ -27,12 +27,13 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
-from gridfold.grid.number_ranges import parse_numbers
+from gridfold.grid.number_ranges import Numbered, numbers_in, parse_ranges
 from gridfold.partition import Coupling, Partition, couple, study_buses
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
 from gridfold.runs.loading import is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
+from gridfold.runs.size import check_times
 from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.unstable_start import with_start_checked
@@ -193,7 +194,9 @@ class RunOptions:
 
     def choose(self, model: DetailedModel) -> Choice:
         """The stepper for `model`, with its own default step if none is given, and why."""
-        return choose_stepper(model, self.method, self.step)
+        chosen = choose_stepper(model, self.method, self.step)
+        check_times(self.t_end, chosen.stepper.step)
+        return chosen
 
     @property
     def criterion(self) -> SynchronismCriterion:
@@ -215,7 +218,11 @@ class AreaOptions:
     def find(self, case: Case, source: str) -> frozenset[int]:
         """Its bus numbers in `case`, which was loaded from `source`."""
         texts = {"buses": self.study_buses, "areas": self.study_areas, "zones": self.study_zones}
-        asked = {kind: parse_numbers(t, kind) for kind, t in texts.items() if t is not None}
+        asked = {
+            name: numbers_in(case, text, f"--study-{name}", kind)
+            for kind, (name, text) in zip(Numbered, texts.items(), strict=True)
+            if text is not None
+        }
         if asked:
             return study_buses(case, **asked)
         if source in STUDY_AREAS:
@@ -280,7 +287,7 @@ class RetainOptions:
     def settings(self, parts: Partition) -> RetainSettings:
         """The same for the machines of `parts`."""
         buses = self.retain_buses
-        chosen = None if buses is None else tuple(parse_numbers(buses, "--retain-buses"))
+        chosen = None if buses is None else parse_ranges(buses, "--retain-buses")
         return RetainSettings(self.norm(parts), chosen, self.retain)
 
 

@@ -19,9 +19,14 @@ from gridfold.grid.events import Event
 from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
 from gridfold.runs.method import Choice
 from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.streaming import simulate_to_files
+from gridfold.runs.summary import Summary
 from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.table_files import TableFile
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
+
+_NO_COMPARISON = "No comparison: the run itself is detailed."
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,10 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run, and what there is to tell about a reduced model: the log, times, errors."""
+    """A run, and what there is to tell about a reduced model: the log, times, errors.
+
+    A run whose tables have been written already comes with its summary.
+    """
 
     run: Trajectory
     switches: tuple[Switch, ...] | None = None
@@ -63,6 +71,7 @@ class Outcome:
     note: str | None = None
     budget: ErrorBudget | None = None
     tolerance: Tolerance | None = None
+    summary: Summary | None = None
 
     def record(self) -> dict[str, Any]:
         """What the JSON file says besides the run itself; of the detailed model why no errors."""
@@ -133,7 +142,7 @@ class Disturbance:
         stepper, reason = self.method.stepper, self.method.reason
         rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
         if simulator.small is None:
-            note = "No comparison: the run itself is detailed." if comparing else None
+            note = _NO_COMPARISON if comparing else None
             run = replace(simulate(*rest), method_reason=reason)
             return Outcome(run, note=note, tolerance=_kept(simulator, 0.0))
         found = simulator.run(*rest)
@@ -158,6 +167,14 @@ class Disturbance:
             note = "No comparison: no machine of the study area has a rotor."
             return replace(result, detailed=detailed, note=note)
         return replace(result, detailed=detailed, comparison=compare(detailed, result.run, units))
+
+    def stream(self, simulator: Simulator, tables: Sequence[TableFile], comparing: bool) -> Outcome:
+        """On the detailed model, with its tables written while it runs."""
+        run, summary = simulate_to_files(
+            self.model, tables, self.events, self.t_end, self.method, self.criterion
+        )
+        note = _NO_COMPARISON if comparing else None
+        return Outcome(run, note=note, tolerance=_kept(simulator, 0.0), summary=summary)
 
 
 def _kept(

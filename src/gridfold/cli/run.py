@@ -23,7 +23,7 @@ from gridfold.cli.console import (
 )
 from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
-from gridfold.dynamics.model import build_model
+from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import NetworkBackend
 from gridfold.equivalents.auto import Work
 from gridfold.equivalents.model_kind import ModelKind
@@ -31,6 +31,7 @@ from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
 from gridfold.io.event_records import load_events, parse_event
+from gridfold.io.results import check_target
 from gridfold.report.plots import plot_trajectory
 from gridfold.report.style import check_format
 from gridfold.report.tables import (
@@ -43,8 +44,10 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.columns import all_columns, chosen_columns
 from gridfold.runs.simulate import simulate as run_simulation
 from gridfold.runs.summary import Summary, summarize
+from gridfold.runs.table_files import TableFile, TableFormat
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
@@ -129,19 +132,41 @@ class ResultOptions:
     parquet: Annotated[Path | None, _result_option(help="Write the curves as Parquet.")] = None
     npz: Annotated[Path | None, _result_option(help="Write all states as a NumPy archive.")] = None
     signals: Annotated[str, _result_option(help="Further columns, such as field_voltage.")] = ""
+    columns: Annotated[
+        str,
+        _result_option(help="Only these columns of the tables, such as 'speed_pu:*,voltage_pu:3'."),
+    ] = ""
     plot: Annotated[list[Path] | None, _result_option(help="Draw the run (.png or .svg).")] = None
 
     def __post_init__(self) -> None:
         for picture in self.plot or []:
             check_format(picture)
+        tables = [path for path in (self.csv, self.parquet) if path is not None]
+        for path in (*tables, self.npz, *(self.plot or [])):
+            if path is not None:
+                check_target(path)
+        for name in ("signals", "columns"):
+            if getattr(self, name) and not tables:
+                raise OptionError(f"--{name} has no effect without --csv or --parquet")
+        if self.signals and self.columns:
+            raise OptionError("give --signals or --columns, not both")
+
+    @property
+    def whole(self) -> bool:
+        """Whether they need the whole run at once."""
+        return self.npz is not None or bool(self.plot)
+
+    def tables(self, model: DetailedModel) -> list[TableFile]:
+        """Tables of a run of `model`."""
+        names, only = _names(self.signals), _names(self.columns)
+        columns = chosen_columns(model, only) if only else all_columns(model, names)
+        paths = ((TableFormat.CSV, self.csv), (TableFormat.PARQUET, self.parquet))
+        return [TableFile(path, form, columns) for form, path in paths if path is not None]
 
     def write(self, run: Trajectory) -> None:
         """Write the curves."""
-        names = [name.strip() for name in self.signals.split(",") if name.strip()]
-        if self.csv is not None:
-            run.to_csv(self.csv, names)
-        if self.parquet is not None:
-            run.to_parquet(self.parquet, names)
+        for table in self.tables(run.model):
+            run.write_table(table)
         if self.npz is not None:
             run.to_npz(self.npz)
 
@@ -208,14 +233,20 @@ def simulate(
     ready = time.perf_counter()
     task = Disturbance(grid, happenings, runs.t_end, method, criterion)
     work = Work(1, round(runs.t_end / method.stepper.step))
+    tables = results.tables(grid)
     simulator = choice.build(grid, source.case, work, method.stepper)
-    result = task.solve(simulator, compare or budget, budget)
+    written = simulator.small is None and not results.whole
+    if written:
+        result = task.stream(simulator, tables, compare)
+    else:
+        result = task.solve(simulator, compare or budget, budget)
     run = result.run
-    summary = summarize(run)
+    summary = summarize(run) if result.summary is None else result.summary
     record = _run_record(run, summary, ready - began + run.setup_seconds)
     record["model_reason"] = simulator.reason
     write_json_option(json, record | result.record())
-    results.write(run)
+    if not written:
+        results.write(run)
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
@@ -231,6 +262,10 @@ simulate.__doc__ = _SIMULATE_HELP
 
 def _stable(run: Trajectory, summary: Summary) -> bool:
     return run.status is Status.COMPLETED and not summary.dark
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _print_run(run: Trajectory, summary: Summary) -> None:

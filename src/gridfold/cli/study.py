@@ -21,9 +21,8 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.progress import Progress as Bars
 
-from gridfold.cli.console import ExitCode, err, out
+from gridfold.cli.console import ExitCode, QuietProgress, err, out
 from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OutputError
 from gridfold.io.study_store import StudyStore
@@ -181,7 +180,7 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
         TextColumn("{task.fields[counts]}", markup=False),
         TimeRemainingColumn(),
     )
-    with Bars(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
+    with QuietProgress(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
         task = bars.add_task("preparing", total=None, counts="")
 
         def tell(progress: Progress) -> None:

@@ -38,6 +38,7 @@ from gridfold.numerics.watch import Watch
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.notices import Notice, in_order, stage_notices
 from gridfold.runs.simulate import ModelStore, SimulationPlan, plan_simulation
+from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import run_plan
@@ -351,6 +352,7 @@ def simulate_adaptive(
     small = family if isinstance(family, SmallModels) else SmallModels(family)
     spent = small.seconds
     began = clock.perf_counter()
+    check_states(model, t_end, method.stepper.step)
     stages = plan_simulation(model, events, t_end, store)
     plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step)
     ready = clock.perf_counter()

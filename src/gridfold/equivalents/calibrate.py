@@ -38,6 +38,7 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.reduction import Reducer
 from gridfold.runs.method import fit_stepper
+from gridfold.runs.size import check_states, sample_count
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 
 __all__ = [
@@ -55,6 +56,10 @@ __all__ = [
 COLUMN_NORMS = tuple(round(10 - 0.1 * k, 1) for k in range(101))
 #: Angle thresholds that are tried, in degrees.
 ANGLES_DEG = tuple(float(angle) for angle in range(180, 0, -1))
+
+
+#: Fewest samples of a run whose angles are compared.
+FEWEST_SAMPLES = 50
 
 
 class ThresholdKind(Enum):
@@ -194,6 +199,8 @@ def calibrate(
         raise OptionError(f"workers must be 1 or more, not {workers!r}")
     if not set(parts.study_units) & set(parts.model.machines):
         raise OptionError("the study area has no machine with a rotor; nothing can be compared")
+    stepper = fit_stepper(parts.model, stepper).stepper
+    check_runs(parts, len(contingencies), t_end, stepper)
     norms = couple(parts)
     norm = COLUMN_NORM if column_norm is None else column_norm
     norms.kept(norm)
@@ -201,7 +208,6 @@ def calibrate(
     if set(what) - {ThresholdKind.WHOLE}:
         family = reduce_external(parts, reducer, norm, coupling)
     models = _Models(parts, norms, family)
-    stepper = fit_stepper(parts.model, stepper).stepper
     threads = workers or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
         runner = ContingencyRunner(parts, t_end, stepper, criterion, pool, threads, on_progress)
@@ -218,6 +224,23 @@ def calibrate(
     count = len(references) + len(left_out)
     seconds = clock.perf_counter() - began
     return Calibration(found, norm, norms, limit_deg, coupling, tuple(left_out), count, seconds)
+
+
+def check_runs(parts: Partition, count: int, t_end: float, stepper: Stepper) -> None:
+    """Refuse runs from which thresholds cannot be found.
+
+    Raises
+    ------
+    OptionError
+        They have too few samples to be compared, or so many of them take too much memory.
+    """
+    samples = sample_count(t_end, stepper.step)
+    if samples < FEWEST_SAMPLES:
+        raise OptionError(
+            f"runs of {t_end:g} s by steps of {stepper.step:g} s have {samples:.0f} samples; comparing "
+            f"angles takes {FEWEST_SAMPLES} or more: choose a shorter step"
+        )
+    check_states(parts.model, t_end, stepper.step, count)
 
 
 def _as_tuple(contingency: Event | Sequence[Event]) -> Contingency:

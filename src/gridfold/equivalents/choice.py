@@ -38,7 +38,7 @@ from gridfold.equivalents.swings import Swings, sample_swings
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
-from gridfold.grid.number_ranges import as_ranges
+from gridfold.grid.number_ranges import as_ranges, lies_in
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple
 from gridfold.reduction import Reducer
@@ -68,10 +68,13 @@ class ReductionSettings:
 
 @dataclass(frozen=True)
 class RetainSettings:
-    """Which external machines stay nonlinear: from a column norm (p.u.), at buses, or the best few."""
+    """Which external machines stay nonlinear: from a column norm (p.u.), at buses, or the best few.
+
+    Buses are given as ranges of their numbers; each range has to have a machine.
+    """
 
     column_norm: float | None = None
-    buses: tuple[int, ...] | None = None
+    buses: tuple[range, ...] | None = None
     count: int | None = None
 
     def __post_init__(self) -> None:
@@ -85,11 +88,11 @@ class RetainSettings:
     def choose(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
         """The machines."""
         if self.buses is not None:
-            found = tuple(u for u in parts.external_units if u.bus in set(self.buses))
-            strange = sorted(set(self.buses) - {unit.bus for unit in found})
-            if strange:
-                raise OptionError(f"no external machine to be retained is at bus {strange[0]}")
-            return found
+            for part in self.buses:
+                if not any(unit.bus in part for unit in parts.external_units):
+                    where = f"bus {part[0]}" if len(part) == 1 else f"buses {part[0]}-{part[-1]}"
+                    raise OptionError(f"no external machine to be retained is at {where}")
+            return tuple(u for u in parts.external_units if lies_in(u.bus, self.buses))
         if self.count is not None:
             return rank_retained(parts, swings).first(self.count) if self.count else ()
         return couple(parts).kept(COLUMN_NORM if self.column_norm is None else self.column_norm)

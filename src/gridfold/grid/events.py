@@ -258,10 +258,12 @@ class LoadStep:
         for name in ("active_mw", "reactive_mvar"):
             if not math.isfinite(getattr(self, name)):
                 raise EventError(f"{where}: {name} must be finite, not {getattr(self, name)!r}")
-        step = (self.bus, complex(self.active_mw, self.reactive_mvar))
+        step = complex(self.active_mw, self.reactive_mvar)
 
         def apply(state: NetworkState) -> NetworkState:
-            return replace(state, load_steps=(*state.load_steps, step)) if step[1] else state
+            added = dict(state.load_steps)
+            added[self.bus] = added.get(self.bus, 0j) + step
+            return replace(state, load_steps=tuple(item for item in added.items() if item[1]))
 
         label = f"load at bus {self.bus} {self.active_mw:+g} MW {self.reactive_mvar:+g} Mvar"
         return [Change(self.time, label, apply, (self.bus,))]

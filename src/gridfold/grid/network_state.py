@@ -31,7 +31,7 @@ class NetworkState:
     branch_faults : frozenset of BranchFaultPoint
         Faults inside branches.
     load_steps : tuple of (int, complex)
-        Bus number and added load (MW + j Mvar) at the bus's initial voltage.
+        Bus number and all load added there (MW + j Mvar) at the bus's initial voltage, each bus once.
     """
 
     branches_out: frozenset[int] = frozenset()

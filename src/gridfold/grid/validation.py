@@ -147,10 +147,10 @@ def _island_faults(case: Case) -> Iterator[str]:
     for generator in live:
         if generator.control is Control.SLACK:
             swings.setdefault(labels[case.bus_index[generator.bus]], set()).add(generator.bus)
-    for island in sorted(set(labels)):
-        members = [
-            bus.number for bus, label in zip(case.buses, labels, strict=True) if label == island
-        ]
+    islands: dict[int, list[int]] = {}
+    for bus, label in zip(case.buses, labels.tolist(), strict=True):
+        islands.setdefault(label, []).append(bus.number)
+    for island, members in sorted(islands.items()):
         name = f"the island of bus {members[0]} ({len(members)} buses)"
         if island not in powered:
             yield f"{name} has no generator in service"

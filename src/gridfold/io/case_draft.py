@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -69,23 +69,34 @@ def islands_without_slack(case: Case) -> list[list[int]]:
     return [buses for label, buses in islands.items() if label not in balanced]
 
 
-def without_buses(case: Case, numbers: Sequence[int]) -> tuple[Case, str]:
-    """The case without these buses and what is connected to them, and what that was."""
-    gone = set(numbers)
-    kept = replace(
-        case,
-        buses=tuple(bus for bus in case.buses if bus.number not in gone),
-        branches=tuple(b for b in case.branches if not gone & {b.from_bus, b.to_bus}),
-        generators=tuple(unit for unit in case.generators if unit.bus not in gone),
-        loads=tuple(load for load in case.loads if load.bus not in gone),
-        shunts=tuple(shunt for shunt in case.shunts if shunt.bus not in gone),
-        left_out=case.left_out | {unit.key for unit in case.generators if unit.bus in gone},
-    )
-    counts = [
-        f"{before - after} {table if before - after > 1 else _SINGULAR[table]}"
-        for table in _SINGULAR
-        if (before := len(getattr(case, table))) > (after := len(getattr(kept, table)))
-    ]
+def without_buses(case: Case, *groups: Sequence[int]) -> tuple[Case, list[str]]:
+    """The case without groups of buses and what is connected to them, and what that was in each.
+
+    What joins two groups is counted in the first.
+    """
+    group = {number: k for k, numbers in enumerate(groups) for number in numbers}
+    gone: list[Counter[str]] = [Counter() for _ in groups]
+    kept: dict[str, Any] = {
+        "buses": tuple(bus for bus in case.buses if bus.number not in group),
+        "devices": tuple(device for device in case.devices if device.bus not in group),
+    }
+    for table in _SINGULAR:
+        staying = []
+        for record in getattr(case, table):
+            ends = (record.from_bus, record.to_bus) if table == "branches" else (record.bus,)
+            inside = [group[end] for end in ends if end in group]
+            if inside:
+                gone[min(inside)][table] += 1
+            else:
+                staying.append(record)
+        kept[table] = tuple(staying)
+    kept["left_out"] = case.left_out | {unit.key for unit in case.generators if unit.bus in group}
+    return replace(case, **kept), [_told(*each) for each in zip(groups, gone, strict=True)]
+
+
+def _told(numbers: Sequence[int], counts: Mapping[str, int]) -> str:
+    """Buses that are left out, and what goes with them."""
+    gone = [f"{n} {table if n > 1 else _SINGULAR[table]}" for table, n in counts.items()]
     listed = ", ".join(str(number) for number in numbers)
     what = f"{'buses' if len(numbers) > 1 else 'bus'} {listed} left out"
-    return kept, f"{what}, with {', '.join(counts)}" if counts else what
+    return f"{what}, with {', '.join(gone)}" if gone else what

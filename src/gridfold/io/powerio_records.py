@@ -61,11 +61,10 @@ def convert_network(
     kinds = {row["id"]: row["kind"] for row in tables["buses"]}
     isolated = [number for number, kind in kinds.items() if kind == "ISOLATED"]
     if isolated:
-        case, text = without_buses(case, isolated)
+        case, (text,) = without_buses(case, isolated)
         draft.notices.append(f"isolated {text}")
-    for buses in islands_without_slack(case):
-        case, text = without_buses(case, buses)
-        draft.unsupported.append(f"an island without a slack unit: {text}")
+    case, texts = without_buses(case, *islands_without_slack(case))
+    draft.unsupported += [f"an island without a slack unit: {text}" for text in texts]
     return replace(case, unsupported=tuple(draft.unsupported), notices=tuple(draft.notices))
 
 

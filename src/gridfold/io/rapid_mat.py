@@ -50,6 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
+from gridfold.ceilings import size_text
 from gridfold.errors import CaseFileError
 from gridfold.grid.case import (
     Branch,
@@ -65,12 +66,17 @@ from gridfold.grid.case import (
 from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_draft import Draft, islands_without_slack, without_buses
+from gridfold.io.input_files import read_content
+from gridfold.io.mat_sizes import variables, without
 
 Table = NDArray[np.float64]
 
 #: Fewest columns of each table.
 _NETWORK = {"bus": 11, "gen": 8, "branch": 11}
 _DYNAMICS = {"GenData": 18, "ExcData": 8, "TurbData": 3}
+
+#: Bytes of a file, and of a variable of it once it is read, beyond any grid.
+_LONGEST, _LARGEST = 2**28, 2**29
 
 _ISOLATED = 4
 _CONTROL = {1: Control.POWER, 2: Control.VOLTAGE, 3: Control.SLACK, _ISOLATED: Control.POWER}
@@ -158,8 +164,17 @@ def _negative_loads(case: Case) -> tuple[Replacement, ...]:
 
 def _read_tables(path: Path) -> tuple[dict[str, Table], float]:
     """All tables by name, and the base of the system in MVA."""
+    data = read_content(path, _LONGEST)
+    wanted = ("mpc", *_DYNAMICS)
+    there = list(variables(data))
+    for name, size, _ in there:
+        if name in wanted and size > _LARGEST:
+            most = size_text(_LARGEST)
+            fault = f"{name} would take {size_text(size)} of memory, more than {most}"
+            raise CaseFileError(fault, str(path))
+    data = without(data, (item for item in there if item.name not in wanted))
     try:
-        content = loadmat(BytesIO(path.read_bytes()))
+        content = loadmat(BytesIO(data), variable_names=wanted)
     except NotImplementedError:
         fault = "it has the format of MATLAB 7.3; save it with the option -v7"
         raise CaseFileError(fault, str(path)) from None
@@ -336,22 +351,14 @@ def _without_dead_buses(case: Case, tables: Mapping[str, Table], notices: list[s
     bus = tables["mpc.bus"]
     isolated = bus[bus[:, 1] == _ISOLATED, 0].astype(int).tolist()
     if isolated:
-        case, text = _drop(case, isolated)
+        case, (text,) = without_buses(case, isolated)
         notices.append(f"isolated {text}")
     attached: tuple[Generator | Load | Shunt, ...] = (*case.generators, *case.loads, *case.shunts)
     busy = {record.bus for record in attached}
-    for island in islands_without_slack(case):
-        if not busy & set(island):
-            case, text = _drop(case, island)
-            notices.append(f"without connection: {text}")
+    dead = [island for island in islands_without_slack(case) if not busy & set(island)]
+    case, texts = without_buses(case, *dead)
+    notices += [f"without connection: {text}" for text in texts]
     return case
-
-
-def _drop(case: Case, numbers: Sequence[int]) -> tuple[Case, str]:
-    """The case without these buses and without the devices of their units."""
-    kept, text = without_buses(case, numbers)
-    gone = set(numbers)
-    return replace(kept, devices=tuple(d for d in kept.devices if d.bus not in gone)), text
 
 
 def _is_open(branch: Branch) -> bool:

@@ -23,9 +23,38 @@ if TYPE_CHECKING:
 METADATA_KEY = "gridfold"
 
 
+def check_target(path: Path) -> None:
+    """Refuse a path under which no file can be written; nothing is made there.
+
+    Raises
+    ------
+    OutputError
+        It is empty, a folder, a pipe or a device, or in no folder that can be written to.
+    """
+    try:
+        _check_target(path)
+    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"{path}: cannot be written: {reason}") from None
+
+
+def _check_target(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "a pipe or a device"
+        raise OutputError(f"{path}: cannot be written: it is {kind}, not a file")
+    if not path.name or path.name == "..":
+        raise OutputError(f"{path}: cannot be written: this is no name of a file")
+    folder = next((place for place in path.absolute().parents if place.exists()), Path("/"))
+    if not folder.is_dir():
+        raise OutputError(f"{path}: cannot be written: {folder} is not a folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: cannot be written: {folder} cannot be written to")
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name if nothing goes wrong."""
+    check_target(path)
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +75,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write JSON with two spaces of indentation."""
-    text = _json(data)
+    text = json_text(data)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -56,12 +85,12 @@ def write_csv(path: Path, frame: pd.DataFrame, metadata: Mapping[str, Any]) -> N
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    text = _json(metadata)
+    text = json_text(metadata)
     rows = pa.Table.from_pandas(frame, preserve_index=False)
     beside = path.with_name(path.name + ".meta.json")
     with replacing(beside) as notes, replacing(path) as table:
         with table.open("wb") as stream:
-            stream.write(_csv_line(frame.columns).encode())
+            stream.write(csv_line(frame.columns).encode())
             pc.write_csv(rows, stream, pc.WriteOptions(include_header=False))
         notes.write_text(text, encoding="utf-8")
 
@@ -85,14 +114,15 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[
         np.savez_compressed(stream, **content)
 
 
-def _csv_line(cells: Iterable[str]) -> str:
+def csv_line(cells: Iterable[str]) -> str:
     """A line of CSV; names with commas or quotes stand in quotes."""
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(cells)
     return line.getvalue()
 
 
-def _json(data: Any) -> str:
+def json_text(data: Any) -> str:
+    """JSON with two spaces of indentation."""
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 

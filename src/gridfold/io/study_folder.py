@@ -11,6 +11,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from gridfold.errors import OptionError, OutputError
+from gridfold.io.input_files import is_there
 from gridfold.io.study_schema import FILE
 
 LOCK = "study.lock"
@@ -18,7 +19,8 @@ LOCK = "study.lock"
 
 def require(folder: Path) -> None:
     """Raise an OptionError unless the folder holds a study."""
-    if not (folder / FILE).is_file():
+    file = folder / FILE
+    if not (is_there(file) and file.is_file()):
         raise OptionError(f"{folder} holds no study: there is no {FILE}")
 
 

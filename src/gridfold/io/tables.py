@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError
+from gridfold.io.input_files import read_content
 
 _TRUE = {"1", "true", "yes"}
 _FALSE = {"0", "false", "no"}
@@ -53,11 +54,7 @@ def read_foreign_text(path: Path) -> str:
 
 def _content(path: Path) -> bytes:
     """Bytes of a file without the mark of its encoding."""
-    try:
-        return path.read_bytes().removeprefix(b"\xef\xbb\xbf")
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
+    return read_content(path).removeprefix(b"\xef\xbb\xbf")
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -151,8 +151,7 @@ def _solve_islands(
     voltage = stored.copy()
     iterations, worst = 0, 0.0
     labels, branches = island_labels(case), shifted_branches(case)
-    for island in np.unique(labels):
-        members = np.flatnonzero(labels == island)
+    for members in np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1]):
         problem = _Problem(
             admittance[np.ix_(members, members)],
             scheduled[members],

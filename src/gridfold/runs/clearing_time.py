@@ -20,6 +20,8 @@ from gridfold.systems.status import Status
 
 Fault = BusFault | BranchFault
 
+#: Finest grid of clearing times in seconds.
+_FINEST = 1e-6
 #: First clearing time that is tried, in seconds.
 _FIRST_TRY = 0.16
 
@@ -99,6 +101,10 @@ def critical_clearing_time(
     for name, value in (("resolution", resolution), ("longest", longest), ("t_end", t_end)):
         if not (math.isfinite(value) and value > 0):
             raise OptionError(f"{name} must be a positive number of seconds, not {value!r}")
+    if resolution < _FINEST:
+        raise OptionError(
+            f"the resolution of clearing times must be {_FINEST:g} s or more, not {resolution:g} s"
+        )
     if not resolution <= longest < t_end:
         raise OptionError(
             f"the longest clearing time {longest:g} s must lie between the resolution "

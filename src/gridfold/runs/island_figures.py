@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.runs.parts import Part
 from gridfold.runs.synchronism import angle_frame
-from gridfold.runs.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,14 @@ class FrequencyRange:
     lowest_at: float
     highest_hz: float
     highest_at: float
+
+    def joined(self, later: FrequencyRange | None) -> FrequencyRange:
+        """Of this part of a run and a later one."""
+        if later is None:
+            return self
+        low = self if self.lowest_hz <= later.lowest_hz else later
+        high = self if self.highest_hz >= later.highest_hz else later
+        return FrequencyRange(low.lowest_hz, low.lowest_at, high.highest_hz, high.highest_at)
 
 
 @dataclass(frozen=True)
@@ -41,32 +49,22 @@ class CutOff:
     lost_load_mw: float
 
 
-def frequency_range(run: Trajectory) -> FrequencyRange | None:
-    """Extremes over all islands and times; None where no machine with a rotor is in service."""
-    machines = run.model.machines
-    column = {unit: k for k, unit in enumerate(machines)}
-    speed = run.signal("speed", machines)
-    lowest, highest = (np.inf, 0.0), (-np.inf, 0.0)
-    for rows, model in run.stages:
-        frame = angle_frame(model)
-        if not frame.units:
-            continue
-        here = speed[rows][:, [column[unit] for unit in frame.units]] @ _shares(
-            frame.inertia, frame.island
-        )
-        low, high = here.min(axis=1), here.max(axis=1)
-        times = run.times[rows]
-        lowest = min(lowest, (float(low.min()), float(times[low.argmin()])))
-        highest = max(highest, (float(high.max()), float(times[high.argmax()])))
-    if not np.isfinite(lowest[0]):
+def frequency_range(part: Part) -> FrequencyRange | None:
+    """Extremes over all islands and times of a part of a run; None without a machine in service."""
+    frame = angle_frame(part.model)
+    if not frame.units or not len(part):
         return None
-    hertz = run.model.case.frequency_hz
-    return FrequencyRange(hertz * lowest[0], lowest[1], hertz * highest[0], highest[1])
+    speed = part.signals(part.model.slots("speed", frame.units))
+    here = part.model.case.frequency_hz * (speed @ _shares(frame.inertia, frame.island))
+    low, high = here.min(axis=1), here.max(axis=1)
+    first, last = int(low.argmin()), int(high.argmax())
+    return FrequencyRange(
+        float(low[first]), float(part.times[first]), float(high[last]), float(part.times[last])
+    )
 
 
-def cut_off(run: Trajectory) -> CutOff:
-    """What has been cut off at the end of a run."""
-    start, final = run.model, run.models[len(run.run.pieces) - 1]
+def cut_off(start: DetailedModel, final: DetailedModel) -> CutOff:
+    """What is cut off in the network of `final`, and was not in that of `start`."""
     islands, flow = final.equations.islands, final.power_flow
     lost = start.equations.islands.energized & ~islands.energized
     base = final.case.base_mva

@@ -16,6 +16,7 @@ from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
 from gridfold.runs.method import Choice, Method, choose_stepper, fault_doubt
 from gridfold.runs.simulate import simulate
+from gridfold.runs.size import check_times
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.systems.status import Status
@@ -55,6 +56,7 @@ def choose_for_many(
         Of the runs.
     """
     choice = choose_stepper(model, method, step)
+    check_times(t_end, choice.stepper.step)
     fixed = Method(method) is not Method.AUTO or step is not None
     count = len(disturbances) if runs is None else runs
     if fixed or not isinstance(choice.stepper, RungeKutta4) or count < PAYS_FROM:

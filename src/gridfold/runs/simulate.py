@@ -14,6 +14,8 @@ from gridfold.grid.timeline import Stage, build_timeline
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.method import Choice, fault_doubt, fit_stepper
 from gridfold.runs.notices import Notice, stage_notices
+from gridfold.runs.parts import RowsOnce, Taker
+from gridfold.runs.size import check_models, check_states, check_times
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import run_segments
@@ -63,6 +65,7 @@ def plan_simulation(
         raise OptionError(f"the end time must be a positive number of seconds, not {t_end!r}")
     store = {} if store is None else store
     stages = build_timeline(model.case, events, t_end)
+    check_models(model, len({stage.state for stage in stages} - store.keys()))
     for stage in stages:
         if stage.state not in store:
             store[stage.state] = model.for_state(stage.state)
@@ -76,6 +79,7 @@ def simulate(
     stepper: Stepper | None = None,
     criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
     store: ModelStore | None = None,
+    takers: Sequence[Taker] = (),
 ) -> Trajectory:
     """Simulate from the equilibrium at t = 0.
 
@@ -96,6 +100,9 @@ def simulate(
         it go on.
     store : mutable mapping, optional
         Models by network state, shared between runs on the same model.
+    takers : sequence of Taker
+        What takes the rows while the run is stepped. With one the trajectory keeps both ends of each
+        segment alone, and the memory of a run does not grow with its states.
 
     Returns
     -------
@@ -107,19 +114,26 @@ def simulate(
     EventError
         An event is malformed or names something that is not in the case.
     OptionError
-        The time step or the end of the run is out of range.
+        The time step or the end of the run is out of range, or the run would take too much memory.
     NetworkError
         The network of one stage has no solution.
     """
     began = time.perf_counter()
     method = fit_stepper(model, stepper)
+    if takers:
+        check_times(t_end, method.stepper.step)
+    else:
+        check_states(model, t_end, method.stepper.step)
     plan = plan_simulation(model, events, t_end, store)
     segments = [
         Segment(system, end, stage.label, () if criterion is None else criterion.stops(system))
         for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
     ]
     ready = time.perf_counter()
-    run = run_segments(segments, model.x0, method.stepper)
+    rows = RowsOnce(takers) if takers else None
+    run = run_segments(segments, model.x0, method.stepper, sink=rows)
+    if rows is not None:
+        rows.finish()
     done = time.perf_counter()
     return Trajectory(
         model=model,

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
 from gridfold.runs.island_figures import CutOff, FrequencyRange, cut_off, frequency_range
-from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.runs.parts import Part
+from gridfold.runs.trajectory import Trajectory
+
+#: Rows of the voltages of all buses that are looked at together. All rows of a large grid do not fit
+#: the processor's cache.
+_ROWS = 128
 
 
 @dataclass(frozen=True)
@@ -61,24 +68,97 @@ class Summary:
 
 def summarize(run: Trajectory) -> Summary:
     """Summarize a run."""
-    angles = run.rotor_angle_deg(reference=AngleReference.CENTRE_OF_INERTIA)
-    deviation = np.nan_to_num(angles - angles[0])
-    speed = run.signal("speed")
-    peaks = np.argmax(np.abs(deviation), axis=0)
-    lowest, highest = np.fmin.reduce(speed, axis=0), np.fmax.reduce(speed, axis=0)
-    swings = [
-        Swing(
-            unit,
-            float(deviation[peaks[k], k]),
-            float(run.times[peaks[k]]),
-            float(lowest[k]),
-            float(highest[k]),
-        )
-        for k, unit in enumerate(run.model.machines)
-        if not np.isnan(lowest[k])
-    ]
-    swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
-    return Summary(tuple(swings), *_voltage_extremes(run), frequency_range(run), cut_off(run))
+    summarizer = Summarizer(run.model)
+    for part in run.parts:
+        summarizer.take(part)
+    return summarizer.summary()
+
+
+@dataclass
+class Summarizer:
+    """Makes the summary of a run from its parts in order of time, none of which it keeps."""
+
+    model: DetailedModel
+    _last: DetailedModel | None = None
+    _lowest: Extreme | None = None
+    _highest: Extreme | None = None
+    _frequency: FrequencyRange | None = None
+    _start: NDArray[np.float64] = field(init=False)
+    _peak: NDArray[np.float64] = field(init=False)
+    _peak_at: NDArray[np.float64] = field(init=False)
+    _slowest: NDArray[np.float64] = field(init=False)
+    _fastest: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.model.machines)
+        self._start, self._peak, self._peak_at = (np.zeros(count) for _ in range(3))
+        self._slowest, self._fastest = np.full(count, np.nan), np.full(count, np.nan)
+
+    def take(self, part: Part) -> None:
+        """The next part of the run."""
+        if not len(part):
+            return
+        self._take_swings(part)
+        if self._last is None or part.model.state != self._last.state:
+            self._lowest = self._highest = None
+        self._last = part.model
+        frequency = frequency_range(part)
+        self._frequency = self._frequency.joined(frequency) if self._frequency else frequency
+        for block in part.blocks(_ROWS):
+            self._take_voltages(block)
+
+    def summary(self) -> Summary:
+        """Of all parts so far."""
+        swings = [
+            Swing(unit, *map(float, figures))
+            for unit, *figures in zip(
+                self.model.machines,
+                np.rad2deg(self._peak),
+                self._peak_at,
+                self._slowest,
+                self._fastest,
+                strict=True,
+            )
+            if not np.isnan(figures[2])
+        ]
+        swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
+        gone = cut_off(self.model, self._last or self.model)
+        return Summary(tuple(swings), self._lowest, self._highest, self._frequency, gone)
+
+    def _take_swings(self, part: Part) -> None:
+        machines = self.model.machines
+        out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
+        angles = part.signals(self.model.slots("rotor_angle", machines))
+        angles = angles - part.centres_of_inertia()
+        speed = part.signals(self.model.slots("speed", machines))
+        angles[:, out] = speed[:, out] = np.nan
+        if self._last is None:
+            self._start = angles[0]
+        moved = np.nan_to_num(angles - self._start)
+        row, column = np.argmax(np.abs(moved), axis=0), np.arange(len(machines))
+        further = np.abs(moved[row, column]) > np.abs(self._peak)
+        self._peak = np.where(further, moved[row, column], self._peak)
+        self._peak_at = np.where(further, part.times[row], self._peak_at)
+        self._slowest = np.fmin(self._slowest, np.fmin.reduce(speed, axis=0))
+        self._fastest = np.fmax(self._fastest, np.fmax.reduce(speed, axis=0))
+
+    def _take_voltages(self, block: Part) -> None:
+        """Lowest and highest voltage of energized buses since the network changed last."""
+        on = np.flatnonzero(block.model.equations.islands.energized)
+        if not len(on):
+            return
+        voltage = block.bus_voltages()[:, on].T
+        squared = voltage.real**2 + voltage.imag**2
+        found = []
+        for pick in (np.argmin, np.argmax):
+            row, column = np.unravel_index(pick(squared), squared.shape)
+            bus = self.model.case.buses[on[row]].number
+            found.append(Extreme(float(abs(voltage[row, column])), bus, float(block.times[column])))
+        low, high = found
+        if self._lowest is None or not self._lowest.value <= low.value:
+            self._lowest = low
+        if self._highest is None or not self._highest.value >= high.value:
+            self._highest = high
 
 
 def last_event(run: Trajectory) -> float:
@@ -90,23 +170,3 @@ def last_event(run: Trajectory) -> float:
             break
         last = float(piece.times[0])
     return last
-
-
-def _voltage_extremes(run: Trajectory) -> tuple[Extreme | None, Extreme | None]:
-    """Lowest and highest voltage of energized buses from the last event on."""
-    final = run.models[len(run.run.pieces) - 1]
-    on = np.flatnonzero(final.equations.islands.energized)
-    if not len(on):
-        return None, None
-    lowest = highest = Extreme(np.nan, 0, 0.0)
-    for times, voltages in run.voltage_blocks(last_event(run)):
-        voltage = voltages[:, on].T
-        squared = voltage.real**2 + voltage.imag**2
-        found = []
-        for pick in (np.argmin, np.argmax):
-            row, column = np.unravel_index(pick(squared), squared.shape)
-            bus = run.model.case.buses[on[row]].number
-            found.append(Extreme(float(abs(voltage[row, column])), bus, float(times[column])))
-        lowest = lowest if found[0].value >= lowest.value else found[0]
-        highest = highest if found[1].value <= highest.value else found[1]
-    return lowest, highest

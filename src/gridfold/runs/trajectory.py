@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -18,22 +18,21 @@ from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
 from gridfold.io.event_records import event_record
-from gridfold.io.results import write_csv, write_npz, write_parquet
+from gridfold.io.results import write_npz
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.basis import basis_of
+from gridfold.runs.columns import Columns, all_columns, chosen_columns
 from gridfold.runs.notices import Notice
+from gridfold.runs.parts import Part
 from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
+from gridfold.runs.table_files import ROWS, TableFile, TableFormat
 from gridfold.simulation.run import Run
-from gridfold.simulation.segment import Piece
 from gridfold.systems.status import Status
 from gridfold.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
-
-#: Rows of the voltages of all buses that are made together.
-_ROWS = 128
 
 
 class AngleReference(Enum):
@@ -115,12 +114,12 @@ class Trajectory:
     @cached_property
     def times(self) -> NDArray[np.float64]:
         """Sampling times in seconds, shape (n_times,)."""
-        return np.concatenate([part.times for part in self._parts])
+        return np.concatenate([part.times for part in self.parts])
 
     @cached_property
     def states(self) -> NDArray[np.float64]:
         """States, shape (n_times, n_states); names in ``model.state_names``."""
-        return np.concatenate([part.states for part in self._parts])
+        return np.concatenate([part.states for part in self.parts])
 
     def signal(
         self, name: str, units: Sequence[UnitKey | str] | None = None
@@ -145,12 +144,7 @@ class Trajectory:
                 names = ", ".join(sorted({signal for unit, signal in known if unit == key}))
                 raise OptionError(f"unit {key} has no signal {name!r}; it has: {names or 'none'}")
         slots = self.model.slots(name, tuple(keys))
-        if np.all(slots < self.model.n_states):
-            result = np.concatenate([part.states_at(slots) for part in self._parts])
-        else:
-            result = np.concatenate(
-                [part.model.signals(part.states, slots) for part in self._parts]
-            )
+        result = np.concatenate([part.signals(slots) for part in self.parts])
         for rows, unit in self._rows_out:
             if unit in keys:
                 result[rows, keys.index(unit)] = np.nan
@@ -189,57 +183,49 @@ class Trajectory:
     def stages(self) -> Iterator[tuple[slice, DetailedModel]]:
         """Rows of :attr:`times` and the detailed model of the network there, piece by piece."""
         start = 0
-        for part in self._parts:
-            rows = slice(start, start + len(part.times))
+        for part in self.parts:
+            rows = slice(start, start + len(part))
             yield rows, part.model
             start = rows.stop
 
-    def voltage_blocks(
-        self, start: float
-    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.complex128]]]:
-        """Times (s) from `start` on and the phasors of all buses there, a few rows at once.
+    def columns(self, signals: Sequence[str] = (), only: Sequence[str] = ()) -> Columns:
+        """Columns of the tables: all with further `signals`, or `only` those that patterns name."""
+        return chosen_columns(self.model, only) if only else all_columns(self.model, signals)
 
-        All rows of a large grid together do not fit the processor's cache.
-        """
-        for part in self._parts:
-            times, states = part.times, part.states
-            for first in range(int(np.searchsorted(times, start)), len(times), _ROWS):
-                rows = slice(first, first + _ROWS)
-                yield times[rows], part.model.bus_voltages(states[rows])
-
-    def to_pandas(self, signals: Sequence[str] = ()) -> pd.DataFrame:
+    def to_pandas(self, signals: Sequence[str] = (), only: Sequence[str] = ()) -> pd.DataFrame:
         """A table with ``time``, ``angle_deg:BUS:ID``, ``speed_pu:BUS:ID`` and ``voltage_pu:BUS``.
 
-        Further `signals` by name become columns ``NAME:BUS:ID`` for every machine that has them. The
+        Further `signals` by name become columns ``NAME:BUS:ID`` for every machine that has them. With
+        `only` the table has no others than those columns, given by name or as ``speed_pu:*``. The
         frame's ``attrs`` hold the metadata.
         """
         import pandas as pd
 
-        machines = self.model.machines
-        columns: dict[str, NDArray[np.float64]] = {"time": self.times}
-        if machines:
-            columns |= _columns("angle_deg", machines, self.rotor_angle_deg())
-            columns |= _columns("speed_pu", machines, self.signal("speed"))
-        buses = [bus.number for bus in self.model.case.buses]
-        columns |= _columns("voltage_pu", buses, np.abs(self.bus_voltage()))
-        known = self.model.layout.signal_slots
-        for name in signals:
-            units = [unit for unit in self.model.layout.source_units if (unit, name) in known]
-            if not units:
-                names = ", ".join(sorted({signal for _, signal in known}))
-                raise OptionError(f"no machine has a signal {name!r}; there are: {names}")
-            columns |= _columns(name, units, self.signal(name, units))
-        frame = pd.DataFrame(columns)
+        columns = self.columns(signals, only)
+        blocks = (block for part in self.parts for block in part.blocks(ROWS))
+        rows = np.concatenate([columns.rows(block) for block in blocks])
+        frame = pd.DataFrame(rows, columns=list(columns.header))
         frame.attrs.update(self.metadata())
         return frame
 
-    def to_csv(self, path: str | Path, signals: Sequence[str] = ()) -> None:
+    def to_csv(
+        self, path: str | Path, signals: Sequence[str] = (), only: Sequence[str] = ()
+    ) -> None:
         """Write :meth:`to_pandas` as CSV, and the metadata beside it as ``NAME.meta.json``."""
-        write_csv(Path(path), self.to_pandas(signals), self.metadata())
+        self.write_table(TableFile(Path(path), TableFormat.CSV, self.columns(signals, only)))
 
-    def to_parquet(self, path: str | Path, signals: Sequence[str] = ()) -> None:
-        """Write :meth:`to_pandas` as Parquet with the metadata in its schema."""
-        write_parquet(Path(path), self.to_pandas(signals), self.metadata())
+    def to_parquet(
+        self, path: str | Path, signals: Sequence[str] = (), only: Sequence[str] = ()
+    ) -> None:
+        """Write :meth:`to_pandas` as Parquet with the metadata in the file's own."""
+        self.write_table(TableFile(Path(path), TableFormat.PARQUET, self.columns(signals, only)))
+
+    def write_table(self, table: TableFile) -> None:
+        """Write a table, and the metadata beside it or in it."""
+        with table.open() as writer:
+            for part in self.parts:
+                writer.take(part)
+            writer.file.metadata = self.metadata()
 
     def to_npz(self, path: str | Path) -> None:
         """Write times, all states with their names, and the metadata as a NumPy archive."""
@@ -291,30 +277,22 @@ class Trajectory:
     # What the methods above share.
 
     @cached_property
-    def _parts(self) -> list[_Part]:
+    def parts(self) -> tuple[Part, ...]:
         """Pieces with their models, the row of each event only once (after it)."""
-        ends = [-1] * (len(self.run.pieces) - 1) + [None]
-        return [
-            _Part(piece, slice(None, end), model)
-            for piece, end, model in zip(self.run.pieces, ends, self.models, strict=False)
-        ]
+        pieces = self.run.pieces
+        return tuple(
+            Part(piece, model, 0, len(piece.times) - (piece is not pieces[-1]))
+            for piece, model in zip(pieces, self.models, strict=False)
+        )
 
     @cached_property
     def _bus_voltages(self) -> NDArray[np.complex128]:
-        return np.concatenate([part.model.bus_voltages(part.states) for part in self._parts])
+        return np.concatenate([part.bus_voltages() for part in self.parts])
 
     @cached_property
     def _centre_of_inertia(self) -> NDArray[np.float64]:
         """Reference angle of each machine in rad, shape (n_times, n_machines)."""
-        result = []
-        for part in self._parts:
-            frame = angle_frame(part.model)
-            angles = np.full((len(part.times), len(self.model.machines)), np.nan)
-            columns = [self.model.machines.index(unit) for unit in frame.units]
-            among_angles = replace(frame, slots=np.arange(len(frame.slots)))
-            angles[:, columns] = among_angles.references(part.states_at(frame.slots))
-            result.append(angles)
-        return np.concatenate(result)
+        return np.concatenate([part.centres_of_inertia() for part in self.parts])
 
     @property
     def _rows_out(self) -> list[tuple[slice, UnitKey]]:
@@ -331,31 +309,6 @@ class Trajectory:
         return [known[str(unit)] for unit in units]
 
 
-class _Part(NamedTuple):
-    """The rows of a piece that belong to the trajectory, and the detailed model of its network."""
-
-    piece: Piece
-    rows: slice
-    model: DetailedModel
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        return self.piece.times[self.rows]
-
-    @property
-    def states(self) -> NDArray[np.float64]:
-        return self.piece.full_states[self.rows]
-
-    def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        return self.piece.states_at(index)[self.rows]
-
-
 def _finite(value: float) -> float | None:
     """A number ready for JSON."""
     return value if np.isfinite(value) else None
-
-
-def _columns(
-    name: str, items: Sequence[object], values: NDArray[np.float64]
-) -> dict[str, NDArray[np.float64]]:
-    return {f"{name}:{item}": values[:, k] for k, item in enumerate(items)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -21,6 +21,8 @@ from gridfold.systems.status import Status
 
 #: Rows of a solution in closed form that are computed before the watches look at them.
 BLOCK = 256
+#: Bytes of the states of a piece that is handed on.
+_HANDED_ON = 2**24
 
 
 class Plan(Protocol):
@@ -45,20 +47,39 @@ class Run:
     @property
     def step_count(self) -> int:
         """Number of time steps taken."""
-        return sum(len(piece.times) - 1 for piece in self.pieces)
+        return sum(piece.step_count for piece in self.pieces)
+
+
+class Sink(Protocol):
+    """Takes the pieces of a long run as they come, so that they need not be kept."""
+
+    def take(self, piece: Piece) -> None:
+        """The next piece; it begins with the last row of the one before."""
 
 
 def run_segments(
-    segments: Iterable[Segment], x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0
+    segments: Iterable[Segment],
+    x0: NDArray[np.float64],
+    stepper: Stepper,
+    start: float = 0.0,
+    sink: Sink | None = None,
 ) -> Run:
     """Integrate `segments` from the state `x0` at time `start`; stop early when one says so."""
-    return run_plan(_Fixed(iter(segments)), x0, stepper, start)
+    return run_plan(_Fixed(iter(segments)), x0, stepper, start, sink)
 
 
-def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0) -> Run:
+def run_plan(
+    plan: Plan,
+    x0: NDArray[np.float64],
+    stepper: Stepper,
+    start: float = 0.0,
+    sink: Sink | None = None,
+) -> Run:
     """Integrate what `plan` says, from the whole system's state `x0` at time `start`.
 
     A system that offers a ``ClosedForm`` is not stepped: `stepper` gives the sampling times alone.
+    With a `sink` each segment is integrated in pieces of bounded size, which it takes; the run then
+    has one piece a segment with its two ends. A stepper with a history starts anew in each.
     Where the time of the machine is limited, a TimeLimitError ends the run, see :func:`time_limit`.
     """
     pieces: list[Piece] = []
@@ -67,25 +88,70 @@ def run_plan(plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float
         if not segment.until > time:
             raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
         times = time_grid(time, segment.until, stepper.step)
-        began = clock.perf_counter()
-        result = _integrate(segment, times, segment.restrict(x), stepper)
-        seconds = clock.perf_counter() - began
-        if isinstance(result, _Formula):
-            pieces.append(Piece(segment, times, result.states, seconds))
-            time, x = float(times[-1]), segment.lift(result.end)
-            continue
-        finite = _finite_rows(result.states)
-        piece = Piece(segment, times[:finite], result.states[:finite], seconds)
-        pieces.append(piece)
-        if finite < len(result.states):
-            culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])
-            return Run(tuple(pieces), Status.NOT_FINITE, culprit)
-        if 0 < result.fired <= len(segment.stops):
-            watch, status = segment.stops[result.fired - 1]
-            distances = watch.distances(piece.states[-1])
-            return Run(tuple(pieces), status, int(np.argmax(distances)))
-        time, x = float(piece.times[-1]), segment.lift(piece.states[-1])
+        z = segment.restrict(x)
+        if sink is None:
+            part = _carry(segment, times, z, stepper)
+        else:
+            part = _hand_on(segment, times, z, stepper, sink)
+        pieces.append(part.piece)
+        if part.status is not Status.COMPLETED:
+            return Run(tuple(pieces), part.status, part.culprit)
+        time, x = float(part.piece.times[-1]), segment.lift(part.end)
     return Run(tuple(pieces), Status.COMPLETED)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A piece, the state of its system at its end, and whether and how that ends the segment."""
+
+    piece: Piece
+    end: NDArray[np.float64]
+    fired: bool = False
+    status: Status = Status.COMPLETED
+    culprit: int | None = None
+
+
+def _carry(
+    segment: Segment, times: NDArray[np.float64], z: NDArray[np.float64], stepper: Stepper
+) -> _Part:
+    """The segment's system from the state `z` along `times`."""
+    began = clock.perf_counter()
+    result = _integrate(segment, times, z, stepper)
+    seconds = clock.perf_counter() - began
+    if isinstance(result, _Formula):
+        return _Part(Piece(segment, times, result.states, seconds), result.end)
+    finite = _finite_rows(result.states)
+    piece = Piece(segment, times[:finite], result.states[:finite], seconds)
+    end = result.states[finite - 1]
+    if finite < len(result.states):
+        culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])
+        return _Part(piece, end, True, Status.NOT_FINITE, culprit)
+    if 0 < result.fired <= len(segment.stops):
+        watch, status = segment.stops[result.fired - 1]
+        return _Part(piece, end, True, status, int(np.argmax(watch.distances(end))))
+    return _Part(piece, end, result.fired > 0)
+
+
+def _hand_on(
+    segment: Segment,
+    times: NDArray[np.float64],
+    z: NDArray[np.float64],
+    stepper: Stepper,
+    sink: Sink,
+) -> _Part:
+    """The same in pieces that `sink` takes; what is left is a piece with both ends."""
+    rows = max(_HANDED_ON // (8 * max(len(z), 1)), BLOCK)
+    begin, seconds, taken = z, 0.0, 0
+    for start in range(0, len(times) - 1, rows):
+        part = _carry(segment, times[start : start + rows + 1], z, stepper)
+        sink.take(part.piece)
+        seconds += part.piece.seconds
+        taken += part.piece.step_count
+        z = part.end
+        if part.fired:
+            break
+    ends = times[[0, taken]]
+    return replace(part, piece=Piece(segment, ends, np.array([begin, z]), seconds, taken))
 
 
 @dataclass(frozen=True)

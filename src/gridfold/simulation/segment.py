@@ -85,13 +85,20 @@ class Piece:
     """A segment that has been integrated: times (n,) and states (n, r), both ends included.
 
     States that follow from a formula are given as what computes them, once they are asked for.
-    `seconds` is the time that the machine took for it.
+    `seconds` is the time that the machine took for it, `taken` the number of steps where the states
+    between both ends have been handed on and are not kept.
     """
 
     segment: Segment
     times: NDArray[np.float64]
     solution: NDArray[np.float64] | Callable[[], NDArray[np.float64]]
     seconds: float = 0.0
+    taken: int | None = None
+
+    @property
+    def step_count(self) -> int:
+        """Number of time steps taken."""
+        return len(self.times) - 1 if self.taken is None else self.taken
 
     @cached_property
     def states(self) -> NDArray[np.float64]:

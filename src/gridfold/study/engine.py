@@ -118,6 +118,7 @@ def run_study(
         earlier = stack.enter_context(StudyStore.resume(target)) if goes_on else None
         offline, contingencies = _offline(wanted, named, count, earlier, time_limit)
         prepared = prepare(offline)
+        count = None if count is None else min(count, max(len(contingencies), 1))
         # Proved before anything is written: workers that do not start leave nothing behind.
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         store = earlier or stack.enter_context(_create(target, offline, prepared, contingencies))

@@ -10,12 +10,16 @@ from contextlib import contextmanager
 from enum import Enum
 from importlib import import_module
 
+from gridfold.ceilings import require_memory
 from gridfold.errors import OptionError
+from gridfold.runs.size import check_states
 from gridfold.study.prepare import Offline, Prepared
 from gridfold.study.processes import Processes, solve_offline
 from gridfold.study.solve import solve_batch
 from gridfold.study.team import Submit, Team
 
+#: Bytes that a process takes beside its runs, roughly.
+_PROCESS = 300e6
 #: Seconds that a thread may keep Python's interpreter to itself while another one waits for it.
 _TURN = 0.05e-3
 
@@ -50,6 +54,8 @@ def team(
         An executor of the caller's, instead. Tasks and results are sent by pickle if it needs that.
     """
     number = count or _cores()
+    if executor is None and cluster in (None, "local"):
+        check_crew(prepared, number, workers is Workers.PROCESSES or cluster is not None)
     if executor is not None:
         size = count or getattr(executor, "_max_workers", None) or _cores()
         yield Team(size, type(executor).__name__, _sender(executor, offline))
@@ -64,6 +70,21 @@ def team(
         with Processes(number, offline) as processes:
             name = "1 process" if number == 1 else f"{number} processes"
             yield Team(number, name, processes.submit)
+
+
+def check_crew(prepared: Prepared, count: int, processes: bool) -> None:
+    """Refuse more workers than the memory allows.
+
+    Raises
+    ------
+    OptionError
+        They, or their runs, take too much.
+    """
+    if processes:
+        advice = "Give fewer (--jobs), or threads (--workers threads)."
+        require_memory(f"{count:,} processes", count * _PROCESS, advice)
+    run = prepared.study.run
+    check_states(prepared.model, run.t_end, prepared.method.stepper.step, count)
 
 
 def _sender(executor: Executor, offline: Offline) -> Submit:

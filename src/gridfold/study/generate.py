@@ -13,7 +13,7 @@ from typing import Any
 from gridfold.errors import CaseFileError, EventError, OptionError
 from gridfold.grid.case import Branch, Case
 from gridfold.grid.events import BranchFault, BusFault, Event, MachineTrip
-from gridfold.grid.number_ranges import parse_numbers
+from gridfold.grid.number_ranges import Numbered, numbers_in
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.event_records import event_from_record, event_record
 from gridfold.io.tables import read_table
@@ -110,19 +110,14 @@ def select_buses(
     if words in named:
         return named[words]
     if place := _PLACE.fullmatch(words):
-        kind = place[1]
-        numbers = set(parse_numbers(place[2], f"{what}: {kind}s"))
-        if unknown := sorted(numbers - {getattr(bus, kind) for bus in case.buses}):
-            raise OptionError(f"{what}: there is no {kind} {unknown[0]} in case {case.name}")
-        return frozenset(bus.number for bus in case.buses if getattr(bus, kind) in numbers)
+        kind = Numbered(place[1])
+        numbers = set(numbers_in(case, place[2], what, kind))
+        return frozenset(bus.number for bus in case.buses if kind.of(bus) in numbers)
     if not re.match(r"\d", words):
         raise OptionError(
             f"{what}: {text!r} is none of 'study area', 'all', 'none', 'area 2', 'zone 1', '1-36,78'"
         )
-    buses = frozenset(parse_numbers(words, what))
-    if unknown := sorted(buses - everything):
-        raise OptionError(f"{what}: there is no bus {unknown[0]} in case {case.name}")
-    return buses
+    return frozenset(numbers_in(case, words, what))
 
 
 def bus_faults(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
-from gridfold.errors import CaseFileError
 from gridfold.io.case_folder import case_files
+from gridfold.io.input_files import is_there, read_content
 from gridfold.numerics.code_files import Code
 from gridfold.study.own_devices import read_devices
 from gridfold.study.study_file import Study
@@ -37,7 +37,7 @@ class NamedFiles:
 def case_source(source: str, folder: Path) -> str | Path:
     """A built-in case by name, else a path that starts at the study's folder."""
     beside = folder / source
-    return beside if beside.exists() or Path(source).suffix or "/" in source else source
+    return beside if is_there(beside) or Path(source).suffix or "/" in source else source
 
 
 def read_named(study: Study, folder: Path) -> NamedFiles:
@@ -71,8 +71,4 @@ def _data_files(study: Study, folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _sha256(path: Path) -> str:
-    try:
-        return sha256(path.read_bytes()).hexdigest()
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
+    return sha256(read_content(path)).hexdigest()

@@ -27,7 +27,7 @@ from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
-from gridfold.grid.number_ranges import as_ranges, parse_numbers
+from gridfold.grid.number_ranges import Numbered, as_ranges, numbers_in
 from gridfold.grid.timeline import initial_state
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
@@ -38,6 +38,7 @@ from gridfold.runs.loading import load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
 from gridfold.runs.simulate import ModelStore
+from gridfold.runs.size import check_states
 from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.unstable_start import with_start_checked
@@ -195,6 +196,7 @@ def prepare(offline: Offline) -> Prepared:
         )
     study = offline.study
     model = _build(study, offline.case, offline.power_flow, offline.devices)
+    check_states(model, study.run.t_end, offline.method.stepper.step)
     criterion = study.run.criterion
     intact = {initial_state(model.case): model}
     parts, family = _family(offline, model)
@@ -213,8 +215,8 @@ def _study_buses(study: Study, case: Case) -> frozenset[int]:
     area = study.study_area
     texts = {"buses": area.buses, "areas": area.areas, "zones": area.zones}
     asked = {
-        kind: parse_numbers(text, f"study_area.{kind}")
-        for kind, text in texts.items()
+        name: numbers_in(case, text, f"study_area.{name}", kind)
+        for kind, (name, text) in zip(Numbered, texts.items(), strict=True)
         if text is not None
     }
     if asked:

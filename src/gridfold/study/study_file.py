@@ -27,8 +27,8 @@ from gridfold.equivalents.model_kind import (
     Weights,
 )
 from gridfold.errors import CaseFileError, OptionError, OutputError
-from gridfold.grid.number_ranges import parse_numbers
-from gridfold.io.results import replacing
+from gridfold.grid.number_ranges import parse_ranges
+from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -185,7 +185,7 @@ class Model(_Section):
     def settings(self, kind: ModelKind) -> ModelSettings:
         """The model `kind` with these options."""
         buses = self.retain_buses
-        chosen = None if buses is None else tuple(parse_numbers(buses, "model.retain_buses"))
+        chosen = None if buses is None else parse_ranges(buses, "model.retain_buses")
         return ModelSettings(
             kind,
             RetainSettings(self.column_norm, chosen, self.retain),
@@ -239,7 +239,9 @@ class ClearingTimes(_Section):
     """Critical clearing times of faults that are alone in their contingency."""
 
     wanted: bool = Field(default=False, description="Find them, on the model of the study.")
-    resolution: Positive = Field(default=0.01, description="Grid of clearing times (s).")
+    resolution: Annotated[float, Field(ge=1e-6, lt=inf)] = Field(
+        default=0.01, description="Grid of clearing times (s)."
+    )
     longest: Positive = Field(default=2.0, description="Longest one tried (s).")
 
 
@@ -349,6 +351,7 @@ def write_template(path: str | Path) -> None:
         The file exists, or cannot be written.
     """
     path = Path(path)
+    check_target(path)
     if path.exists():
         raise OutputError(f"{path}: exists already; nothing was written")
     with replacing(path) as temporary:
