@@ -20,6 +20,7 @@ import gridfold as gf
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
 from gridfold.io.study_store import FILE, StudyStore
+from gridfold.report.study_tables import study_facts
 from gridfold.study import Stage, run_study
 from gridfold.study.study_file import parse_study
 from gridfold.study.summary import WALL
@@ -55,6 +56,11 @@ def rows(folder):
     with StudyStore.read(folder) as store:
         frame = store.frame()
     return frame[[name for name in frame if not name.startswith(WALL)]]
+
+
+def study_facts_of(folder):
+    with StudyStore.read(folder) as store:
+        return study_facts(store)
 
 
 def curves(folder, number):
@@ -440,3 +446,20 @@ def test_a_study_area_that_is_not_there_is_named_before_anything_is_written(tmp_
     with pytest.raises(gf.OptionError, match="999"):
         run_study(parse_study(content), tmp_path / "a")
     assert not (tmp_path / "a").exists()
+
+
+def test_a_study_with_a_tolerance_estimates_every_row_and_keeps_it(tmp_path, falling_costs):
+    model = {"kind": "adaptive", "tolerance_deg": 0.3}
+    run_study(parse_study(LADDER | {"model": model}), tmp_path / "results", count=1)
+    with StudyStore.read(tmp_path / "results") as store:
+        frame, settings = store.frame(), store.identity["settings"]
+    assert settings["tolerance_deg"] == 0.3
+    assert frame["error_estimate_deg"].le(0.3).all()
+    assert frame["error_coi_deg"].le(0.3).all()
+    assert "0 beyond the tolerance" in study_facts_of(tmp_path / "results")["Tolerance"]
+
+
+def test_a_tolerance_and_thresholds_exclude_each_other():
+    model = {"kind": "adaptive", "tolerance_deg": 0.3, "angle_deg": 20}
+    with pytest.raises(gf.CaseFileError, match="tolerance or angle_deg, not both"):
+        parse_study(LADDER | {"model": model})

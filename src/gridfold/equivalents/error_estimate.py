@@ -83,14 +83,18 @@ class ErrorEstimator:
         Study and external area.
     swings : tuple of ndarrays, optional
         From :func:`gridfold.sample_swings`, those after boundary faults by default.
+    most : int, optional
+        Other topologies of which the modes are kept, the last used; all of them by default.
     """
 
-    def __init__(self, parts: Partition, swings: Swings | None = None) -> None:
+    def __init__(
+        self, parts: Partition, swings: Swings | None = None, most: int | None = None
+    ) -> None:
         self.units = parts.study_units
         self._study = frozenset(self.units)
         self._model = parts.model
         area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
-        self._modes = SmallModels(area)
+        self._modes = SmallModels(area, most)
         self._intact = _modes_of(self._modes.get(parts.model, Mode.WHOLE))
 
     @one_blas_thread

@@ -43,19 +43,22 @@ class TolerantModel:
         Root mean square error of the worst rotor angle of the study area against the centre of
         inertia, in degrees; 0 makes all runs detailed.
 
+    most : int, optional
+        Other topologies of which models are kept, the last used; all of them by default.
+
     Raises
     ------
     OptionError
         The tolerance is negative or not a number.
     """
 
-    def __init__(self, ladder: Ladder, tolerance_deg: float) -> None:
+    def __init__(self, ladder: Ladder, tolerance_deg: float, most: int | None = None) -> None:
         if not 0 <= tolerance_deg < inf:
             raise OptionError(f"a tolerance is 0 degrees or more, not {tolerance_deg!r}")
         self.tolerance_deg = tolerance_deg
-        self.small = SmallModels(ladder)
+        self.small = SmallModels(ladder, most)
         self.rules = tuple(_rules(ladder)) if tolerance_deg > 0 else ()
-        self.estimator = ErrorEstimator(ladder.parts) if self.rules else None
+        self.estimator = ErrorEstimator(ladder.parts, most=most) if self.rules else None
 
     def run(
         self,

@@ -117,6 +117,8 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Checked in detail"] = (
             f"{len(errors)}: rotor angles of the study area within {worst:.2f} degrees RMS"
         )
+    if settings.get("tolerance_deg") is not None:
+        facts["Tolerance"] = _kept_tolerance(settings["tolerance_deg"], frame)
     if settings.get("model_reason"):
         facts["Model chosen"] = settings["model_reason"]
     saved = _compared_with_detailed(frame)
@@ -140,6 +142,23 @@ def _why_not_validated(settings: dict[str, Any]) -> str:
     ]
     lines += settings.get("unplaced", ())
     return "; ".join(lines) or "parts of the network are left out"
+
+
+def _kept_tolerance(tolerance_deg: float, frame: pd.DataFrame) -> str:
+    """The estimates, and how they and the tolerance stand in the runs that were checked."""
+    estimates = frame["error_estimate_deg"].dropna()
+    text = f"{tolerance_deg:g} degrees RMS against the centre of inertia"
+    if len(estimates):
+        text += f"; estimated errors up to {estimates.max():.2g}"
+    both = frame[["error_estimate_deg", "error_coi_deg"]].dropna()
+    if len(both):
+        above = int((both["error_coi_deg"] > tolerance_deg).sum())
+        below = int((both["error_estimate_deg"] < both["error_coi_deg"]).sum())
+        text += (
+            f"; of {len(both)} checked runs {above} beyond the tolerance, {below} with an error above "
+            "the estimate"
+        )
+    return text
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:

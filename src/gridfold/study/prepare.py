@@ -24,6 +24,7 @@ from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
@@ -125,6 +126,7 @@ class Prepared:
     rule: SwitchingRule
     intact: ModelStore
     time_limit: float | None = None
+    tolerant: TolerantModel | None = None
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -200,15 +202,18 @@ def prepare(offline: Offline) -> Prepared:
     criterion = study.run.criterion
     intact = {initial_state(model.case): model}
     parts, family = _family(offline, model)
-    small = None
+    small = tolerant = None
     if family is not None:
-        small = SmallModels(family, _TOPOLOGIES)
+        tolerance = offline.settings.tolerance_deg
+        if tolerance is not None and isinstance(family, Ladder):
+            tolerant = TolerantModel(family, tolerance, _TOPOLOGIES)
+        small = SmallModels(family, _TOPOLOGIES) if tolerant is None else tolerant.small
         for mode in set(family.modes) - {Mode.DETAILED}:
             small.get(model, mode)
             small.limits(model, mode)
     rule = offline.settings.rule
     method, limit = offline.method, offline.time_limit
-    return Prepared(study, model, method, criterion, parts, small, rule, intact, limit)
+    return Prepared(study, model, method, criterion, parts, small, rule, intact, limit, tolerant)
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:

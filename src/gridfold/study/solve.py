@@ -112,12 +112,15 @@ class _Solver:
         if self.small is None:
             run = self._detailed(events)
             figures |= time_per_model(run)
+            if self.prepared.study.model.tolerance_deg is not None:
+                figures["error_estimate_deg"] = 0.0
         else:
-            adaptive = self._adaptive(self.small, self.prepared.rule, events)
+            adaptive = self._reduced(self.small, events)
             run, switches = adaptive.trajectory, adaptive.switches
             figures |= time_per_model(run, adaptive.modes)
             figures["wall_reduction_s"] = adaptive.reduction_seconds
-            figures["wall_run_s"] = _seconds(run) + adaptive.reduction_seconds
+            figures["wall_run_s"] = time.perf_counter() - began
+            figures["error_estimate_deg"] = adaptive.error_estimate_deg
             figures["switches"] = max(0, len(switches) - 1)
         figures |= trajectory_figures(run)
         curves = self._curves(run, switches)
@@ -137,6 +140,14 @@ class _Solver:
         ready = self.prepared
         rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
         return simulate(ready.model, events, *rest)
+
+    def _reduced(self, small: SmallModels, events: Sequence[Event]) -> AdaptiveRun:
+        """The study's model."""
+        ready = self.prepared
+        if ready.tolerant is None:
+            return self._adaptive(small, ready.rule, events)
+        rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
+        return ready.tolerant.run(ready.model, events, *rest)
 
     def _adaptive(
         self, small: SmallModels, rule: SwitchingRule, events: Sequence[Event]
@@ -208,9 +219,10 @@ class _Solver:
         """The study's model, with the models that this contingency has built."""
         if self.small is None:
             return simulate(model, events, t_end, stepper, criterion, self.store)
-        return simulate_adaptive(
-            model, self.small, self.prepared.rule, events, t_end, stepper, criterion, self.store
-        ).trajectory
+        rest = (events, t_end, stepper, criterion, self.store)
+        if self.prepared.tolerant is not None:
+            return self.prepared.tolerant.run(model, *rest).trajectory
+        return simulate_adaptive(model, self.small, self.prepared.rule, *rest).trajectory
 
     def _curves(self, run: Trajectory, switches: tuple[Switch, ...]) -> dict[str, NDArray[Any]]:
         curves = self._angles(run, "run")

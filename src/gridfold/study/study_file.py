@@ -158,7 +158,13 @@ class Model(_Section):
     largest_error_deg: Positive = Field(
         default=6.0, description="Error for which they are calibrated."
     )
-    longest_above: Positive = Field(default=5.0, description="Time (s) above it until a new start.")
+    tolerance_deg: NotNegative | None = Field(
+        default=None,
+        description="Error that rotor angles of the study area may have, instead of thresholds.",
+    )
+    longest_above: Positive | None = Field(
+        default=None, description="Time (s) above it until a new start."
+    )
     reducer: ReducerKind = Field(
         default=ReducerKind.BALANCED, description="How the external area is reduced."
     )
@@ -197,6 +203,7 @@ class Model(_Section):
             self.angle_deg,
             self.whole_deg,
             self.longest_above,
+            self.tolerance_deg,
         )
 
 

@@ -71,6 +71,8 @@ class Figures:
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
         worst machine (`error_machine`), the same of angles against the centre of inertia, and the
         largest at any time.
+    error_estimate_deg : float
+        Estimate of `error_coi_deg`, where the study has a tolerance; 0 for a detailed run.
     detailed_s, retained_s, hybrid_s, linear_s, linear_whole_s : float
         Simulated seconds for which each model was in use.
     switches, steps : int
@@ -114,6 +116,7 @@ class Figures:
     error_coi_deg: float | None = None
     error_largest_deg: float | None = None
     error_machine: str | None = None
+    error_estimate_deg: float | None = None
     detailed_s: float | None = None
     retained_s: float | None = None
     hybrid_s: float | None = None
