@@ -93,8 +93,12 @@ def derivative(x, u, p, y, dx):
 
 
 def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The field voltage is prescribed, the source is known, and the rest is linear."""
-    return {"field_voltage": known["field_voltage"], "regulator_voltage": 1.0}
+    """The field voltage is prescribed, the source is known, and near VR = 0 the rest is linear."""
+    names = ("measured_voltage", "voltage_reference")
+    return {
+        "field_voltage": known["field_voltage"],
+        **dict.fromkeys(names, known["terminal_voltage"]),
+    }
 
 
 IEEET3 = Device(

@@ -5,7 +5,7 @@
     VI  = KLR (KCI ILR - IFD),  not below VRMIN
     EFD = VT times the lower of VM and VI
 
-The integral stands where it would lead VA further out. An overexcitation limiter has no input here,
+The integral stands where it would lead VA further out. KLR = 0 means that there is no VI. An overexcitation limiter has no input here,
 whatever OEL says. PSS/E Model Library; IEEE Std 421.5-2005, type ST6B.
 """
 
@@ -69,8 +69,10 @@ def output(x, u, p, y, dx):
         else:
             v_m = forward / (1.0 + p[KM, i] * p[KG, i] * u[VT, i])
         v_m = clip(v_m, p[VRMIN, i], p[VRMAX, i])
-        v_i = higher(p[KLR, i] * (p[KCI, i] * p[ILR, i] - u[IFD, i]), p[VRMIN, i])
-        y[EFD, i] = u[VT, i] * lower(v_m, v_i)
+        if p[KLR, i].real > 0:
+            v_i = p[KLR, i] * (p[KCI, i] * p[ILR, i] - u[IFD, i])
+            v_m = lower(v_m, higher(v_i, p[VRMIN, i]))
+        y[EFD, i] = u[VT, i] * v_m
 
 
 def derivative(x, u, p, y, dx):
