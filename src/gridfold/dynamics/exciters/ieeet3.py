@@ -94,10 +94,9 @@ def derivative(x, u, p, y, dx):
 
 def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     """The field voltage is prescribed, the source is known, and near VR = 0 the rest is linear."""
-    names = ("measured_voltage", "voltage_reference")
     return {
-        "field_voltage": known["field_voltage"],
-        **dict.fromkeys(names, known["terminal_voltage"]),
+        **dict.fromkeys(("field_voltage", "feedback_state"), known["field_voltage"]),
+        **dict.fromkeys(("measured_voltage", "voltage_reference"), known["terminal_voltage"]),
     }
 
 

@@ -5,8 +5,9 @@
     VI  = KLR (KCI ILR - IFD),  not below VRMIN
     EFD = VT times the lower of VM and VI
 
-The integral stands where it would lead VA further out. KLR = 0 means that there is no VI. An overexcitation limiter has no input here,
-whatever OEL says. PSS/E Model Library; IEEE Std 421.5-2005, type ST6B.
+The integral stands where it would lead VA further out. KLR = 0 means that there is no VI. An
+overexcitation limiter has no input here, whatever OEL says. PSS/E Model Library; IEEE Std 421.5-2005,
+type ST6B.
 """
 
 from __future__ import annotations

@@ -69,6 +69,7 @@ PSS2A = Device(
     outputs=("stabilizer_signal",),
     output=output,
     derivative=derivative,
+    defaults=two_inputs.DEFAULTS,
     check=two_inputs.check_of(PARAMETERS),
     limits=two_inputs.LIMITS,
     psse_record=DYR_COLUMNS,

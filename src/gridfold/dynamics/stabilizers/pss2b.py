@@ -84,6 +84,7 @@ PSS2B = Device(
     outputs=("stabilizer_signal",),
     output=output,
     derivative=derivative,
+    defaults=two_inputs.DEFAULTS,
     check=two_inputs.check_of(
         PARAMETERS,
         ("lowest_input_1", "highest_input_1"),

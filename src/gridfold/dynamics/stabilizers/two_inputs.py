@@ -65,6 +65,8 @@ STATES = (
     "stabilizer_lead_2",
 )
 INPUTS = ("speed", "active_power", "mechanical_power", "terminal_voltage")
+#: A unit without a governor has a constant mechanical power, which is washed out.
+DEFAULTS = {"mechanical_power": 0.0}
 LIMITS = limits("lowest_signal", "highest_signal")
 ROLE = Role.STABILIZER
 
