@@ -149,6 +149,36 @@ def test_exciter_gain_zero_starts_the_regulator_at_a_tenth_of_its_maximum(model)
     assert exciter.value("effective_exciter_gain") == pytest.approx(expected, abs=1e-10)
 
 
+@pytest.mark.parametrize("model", DC_MODELS)
+@pytest.mark.parametrize(
+    ("gain", "highest"), [(0.7, (0.7 + 0.3) * 3.3), (-0.05, 0.3 * 3.3), (0.0, 0.99)]
+)
+def test_a_regulator_maximum_of_zero_is_what_holds_the_second_saturation_voltage(
+    model, gain, highest
+):
+    """VRMAX = (KE + SE2) E2 = -VRMIN; a KE that is not positive does not count."""
+    exciter = alone(model, regulator_maximum=0.0, regulator_minimum=-99.0, exciter_gain=gain)
+    assert exciter.value("regulator_maximum") == pytest.approx(highest, rel=1e-12)
+    assert exciter.value("regulator_minimum") == pytest.approx(-highest, rel=1e-12)
+    if gain == 0.0:
+        regulator = exciter.signals(exciter.x, exciter.u)["regulator_voltage"]
+        assert regulator == pytest.approx(highest / 10, abs=1e-9)
+
+
+def test_a_regulator_maximum_that_is_not_in_the_record_is_told():
+    case = case_with("ieeet1", regulator_maximum=0.0, exciter_gain=0.7)
+    warnings = gf.build_model(case, devices=KNOWN).warnings
+    assert any("VRMAX is 0: 3.3, and -3.3 for VRMIN, hold E2" in warning for warning in warnings)
+
+
+@pytest.mark.parametrize("points", [(0.0, 0.3), (0.06, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("model", DC_MODELS)
+def test_an_exciter_saturation_of_zero_at_a_point_means_none(model, points):
+    exciter = alone(model, saturation_1=points[0], saturation_2=points[1])
+    at_start = exciter.signals(exciter.x, exciter.u)
+    assert at_start["regulator_voltage"] == pytest.approx(0.1 * at_start["field_voltage"], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("model", "limit", "state"),
     [
