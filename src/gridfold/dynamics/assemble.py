@@ -49,8 +49,7 @@ def _parameter_rows(
     device: Device, records: Sequence[DeviceRecord], bases: NDArray[np.float64], case: Case
 ) -> NDArray[np.float64]:
     known = [
-        device.acting(record.parameters, base)
-        for record, base in zip(records, bases, strict=True)
+        device.acting(record.parameters, base) for record, base in zip(records, bases, strict=True)
     ]
     rows = []
     for parameter in device.parameters:
