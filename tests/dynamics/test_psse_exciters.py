@@ -165,12 +165,6 @@ def test_a_regulator_maximum_of_zero_is_what_holds_the_second_saturation_voltage
         assert regulator == pytest.approx(highest / 10, abs=1e-9)
 
 
-def test_a_regulator_maximum_that_is_not_in_the_record_is_told():
-    case = case_with("ieeet1", regulator_maximum=0.0, exciter_gain=0.7)
-    warnings = gf.build_model(case, devices=KNOWN).warnings
-    assert any("VRMAX is 0: 3.3, and -3.3 for VRMIN, hold E2" in warning for warning in warnings)
-
-
 @pytest.mark.parametrize("points", [(0.0, 0.3), (0.06, 0.0), (0.0, 0.0)])
 @pytest.mark.parametrize("model", DC_MODELS)
 def test_an_exciter_saturation_of_zero_at_a_point_means_none(model, points):

@@ -207,6 +207,16 @@ def test_values_at_the_end_may_be_absent_where_the_model_has_defaults(case):
     assert faults == ["IEEEST 1:1 (own.dyr:4): expected 19 values, found 16"]
 
 
+def test_a_value_that_a_record_leaves_to_others_is_told(case):
+    esdc2a = (0.02, 20, 0.1, 0, 0, 0, 0, 1.0, 0.5, 0.1, 1.0, 0, 2.0, 0.1, 3.0, 0.3)
+    found = device_records(case, data(WHOLE[0], ("GENROU", 2, GENROU), ("ESDC2A", 2, esdc2a)))
+    assert found.skipped == (
+        "own.dyr: ESDC2A: VRMAX follows from other values: 1 record, first 2:1 (line 3)",
+        "own.dyr: ESDC2A: VRMIN follows from other values: 1 record, first 2:1 (line 3)",
+    )
+    assert by_name(found)["esdc2a 2:1"]["regulator_maximum"] == 0
+
+
 def test_text_in_the_place_of_a_number_is_refused(case):
     faults = faults_of(case, data(WHOLE[0], ("GENCLS", 2, (4.0, "X"))))
     assert faults == ["GENCLS 2:1 (own.dyr:2): value 2 is 'X', not a number"]

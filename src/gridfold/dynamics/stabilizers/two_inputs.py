@@ -92,7 +92,7 @@ def ramp_lag(u, x, k, poles, stages, lead, time):
     """Lag number `k` of the ramp filter, from 0: the first one of each stage has the lead."""
     if time.real <= 0 or k >= poles.real * stages.real:
         return u, u - x
-    if k % int(poles.real) == 0:
+    if k % max(int(poles.real), 1) == 0:
         return lead_lag(u, x, lead, time)
     return lag(u, x, time)
 
