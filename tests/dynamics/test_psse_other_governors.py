@@ -1,4 +1,4 @@
-"""Governors DEGOV, DEGOV1, IEESGO and PIDGOV: start, transfer functions, limits."""
+"""Governors DEGOV, DEGOV1, IEEEG3, IEESGO and PIDGOV: start, transfer functions, limits."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from gridfold.dynamics.registry import DEVICES
 RECORDS = {
     "degov": (0.1, 0.05, 0.2, 8.0, 0.3, 0.04, 0.06, 0.04, 1.1, 0.0),
     "degov1": (0, 0.1, 0.05, 0.2, 8.0, 0.3, 0.04, 0.06, 0.04, 1.1, 0.0, 0.05, 0.4),
+    "ieeeg3": (0.3, 0.04, 0.2, -0.15, 1.1, 0.0, 0.05, 0.3, 5.0, 1.2, 0.55, 1.05, 1.4, 1.1),
     "ieesgo": (0.2, 0.1, 0.5, 0.12, 5.0, 0.5, 20.0, 0.59, 0.43, 1.1, 0.0),
     "pidgov": (
         0, 0.05, 0.1, 3.0, 0.6, 0.5, 0.05, 0.3, 0.4, 0.1, 0.5, 0.6, 0.8, 0.95, 1.05, 1.0, 0.0, 1.1,
@@ -94,6 +95,10 @@ def expected_gain(model: str, s: complex, governor: Alone) -> complex:
         droop = 0.05 if model == "degov1" else 0.0
         throttle = -diesel(s) / (1 + droop * diesel(s))
         return pade(s, 0.04) * throttle + at_start["mechanical_power"]
+    if model == "ieeeg3":
+        servo = lag(s, 0.04) / (0.3 * s)
+        gate = -servo / (1 + servo * (0.05 + 0.3 * 5.0 * s * lag(s, 5.0)))
+        return 1.1 * gate * lead_lag(s, (0.55 - 1.05 * 1.4 / 1.1) * 1.2, 0.55 * 1.2)
     if model == "ieesgo":
         valve = -20.0 * lag(s, 0.2) * lead_lag(s, 0.1, 0.5)
         chest = valve * lag(s, 0.12)
@@ -153,6 +158,16 @@ def test_gate_of_pidgov_moves_no_faster_than_its_velocities_and_stays_in_its_ran
         assert gates[-1] == pytest.approx(end, abs=1e-2)
 
 
+def test_gate_of_ieeeg3_moves_no_faster_than_its_rates_and_stays_in_its_range():
+    governor = alone("ieeeg3")
+    row = governor.device.states.index("gate")
+    for slip, rate, end in ((-0.2, 0.2, 1.1), (0.2, -0.15, 0.0)):
+        u = governor.inputs(speed=slip)
+        gates = np.array([x[row, 0] for x in governor.run(u, 12.0, step=4e-3)])
+        assert np.abs(np.diff(gates) / 4e-3).max() == pytest.approx(abs(rate), rel=1e-6)
+        assert gates[-1] == pytest.approx(end, abs=1e-2)
+
+
 def test_water_first_turns_the_power_of_pidgov_the_wrong_way():
     governor = alone("pidgov", turbine_damping=0.0)
     u = governor.inputs(speed=-0.01)
@@ -176,6 +191,8 @@ def test_valve_of_ieesgo_stays_in_its_range(slip, end):
         ("degov", {"box_time_2": 0.0}),
         ("degov", {"actuator_time_1": 0.0}),
         ("degov", {"actuator_time_2": 0.0}),
+        ("ieeeg3", {"pilot_time": 0.0}),
+        ("ieeeg3", {"water_time": 0.0}),
         ("ieesgo", {"governor_lag_time": 0.0}),
         ("ieesgo", {"valve_time": 0.0}),
         ("ieesgo", {"chest_time": 0.0}),
@@ -200,6 +217,8 @@ def test_time_constants_of_zero_act_as_very_small_ones(model, zero):
         ("degov", {"actuator_time_1": 0.0, "actuator_time_2": 0.0}, "T4 has to be 0"),
         ("degov", {"lowest_throttle": 2.0}, "TMIN is above"),
         ("degov1", {"feedback_code": 2.0}, "M 2 is neither"),
+        ("ieeeg3", {"closing_rate": 0.1}, "UC is positive"),
+        ("ieeeg3", {"flow_by_head": 0.0}, "a11 is 0"),
         ("ieesgo", {"governor_lag_time": 0.0, "valve_time": 0.0}, "T2 has to be 0"),
         ("pidgov", {"gate_1": 0.05}, "does not rise"),
         ("pidgov", {"droop": 0.0}, "Rperm is 0"),
@@ -213,4 +232,4 @@ def test_records_that_make_no_sense_are_refused(model, changes, fault):
 
 def test_records_have_the_length_of_the_psse_data_sheets():
     lengths = {model: len(DEVICES[model].psse_record) for model in RECORDS}
-    assert lengths == {"degov": 10, "degov1": 13, "ieesgo": 11, "pidgov": 21}
+    assert lengths == {"degov": 10, "degov1": 13, "ieeeg3": 14, "ieesgo": 11, "pidgov": 21}

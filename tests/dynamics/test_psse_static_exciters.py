@@ -1,4 +1,4 @@
-"""Exciters that are a rectifier or a simple lag: ESST1A, ESST4B, ST6B, EXPIC1, SCRX, IEEET2, IEEET3."""
+"""Static and simple exciters: ESST1A, ESST4B, ST6B, EXPIC1, SCRX, EXAC4, DC4B, IEEET2, IEEET3."""
 
 from __future__ import annotations
 
@@ -39,6 +39,11 @@ RECORDS = {
     "scrx": (0.1, 5.0, 60.0, 0.08, -2.0, 5.0, 0, 0.0),
     "ieeet2": (0.02, 40.0, 0.05, 6.0, -5.0, 0.1, 0.5, 0.06, 0.9, 0.4, 1.5, 0.05, 3.5, 0.4),
     "ieeet3": (0.02, 40.0, 0.05, 3.0, -3.0, 0.5, 0.03, 0.8, 3.0, 1.0, 7.0, 1.0),
+    "exac4": (0.02, 0.2, -0.15, 0.4, 1.5, 60.0, 0.03, 6.0, -4.0, 0.1),
+    "dc4b": (
+        1, 1, 0.02, 20.0, 10.0, 2.0, 0.05, 6.0, -5.0, 1.5, 0.03, 0.4, 0.5, 0.03, 0.9, 0.0, 1.5,
+        0.05, 3.5, 0.4,
+    ),
 }  # fmt: skip
 EVERY = pytest.mark.parametrize("model", RECORDS)
 FREQUENCIES = (0.01j, 0.3j, 2j, 9j, 60j, 0.5 + 1j)
@@ -96,6 +101,13 @@ def expected_gain(model: str, s: complex, exciter: Alone) -> complex:
         regulated = forward / (1 + forward * s * 0.02 * lag(s, 0.6) * lag(s, 0.1))
         v_b = at_start["exciter_input"] / at_start["regulated_voltage"]
         return regulated * v_b / (s * 0.4 + 1.0 + saturation_slope(p, at_start["field_voltage"]))
+    if model == "exac4":
+        return 60.0 * lag(s, 0.03) * lead_lag(s, 0.4, 1.5)
+    if model == "dc4b":
+        regulator = 20.0 + 10.0 / s + s * 2.0 * lag(s, 0.05)
+        slope = saturation_slope(p, at_start["field_voltage"])
+        forward = 1.5 * u["terminal_voltage"] * lag(s, 0.03) * regulator / (s * 0.5 + 0.4 + slope)
+        return forward / (1 + forward * s * 0.03 * lag(s, 0.9))
     forward = 40.0 * lag(s, 0.05)
     if model == "ieeet2":
         regulated = forward / (1 + forward * s * 0.06 * lag(s, 0.9) * lag(s, 0.4))
@@ -141,6 +153,10 @@ def test_exciter_has_the_transfer_function_of_its_diagram(model):
             6.0,
         ),
         ("ieeet3", 0.5, {}, "regulator_maximum", "regulator_voltage", 3.0),
+        ("exac4", 0.5, {}, "regulator_maximum", None, None),
+        ("exac4", -0.5, {}, "error_minimum", None, None),
+        ("dc4b", 0.5, {}, "regulator_maximum_added", None, None),
+        ("dc4b", -0.5, {}, "field_voltage_minimum", "field_voltage", 0.0),
         ("ieeet3", 0.5, {"source_maximum": 4.0}, "source_maximum", "field_voltage", 4.0),
     ],
 )
@@ -177,6 +193,41 @@ def test_field_current_limiter_of_esst1a_and_st6b_acts_at_once_beyond_its_refere
     u = exciter.inputs(field_current=4.4 - exciter.u[2, 0])
     expected = u[0, 0] * 17.3 * (1.06 * 4.2 - 4.4)
     assert exciter.signals(exciter.x, u)["field_voltage"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_limits_of_exac4_fall_with_the_field_current_and_do_not_depend_on_the_voltage():
+    exciter = alone("exac4")
+    for push, limit in ((0.5, 6.0), (-0.5, -4.0)):
+        u = exciter.inputs(stabilizer_signal=push, field_current=0.4, terminal_voltage=-0.05)
+        x = exciter.run(u, 5.0, step=2e-3)[-1]
+        expected = limit - 0.1 * u[2, 0]
+        assert exciter.signals(x, u)["field_voltage"] == pytest.approx(expected, abs=1e-9)
+
+
+def test_regulator_of_dc4b_is_limited_by_the_terminal_voltage_and_its_pid_does_not_wind_up():
+    exciter = alone("dc4b")
+    u = exciter.inputs(stabilizer_signal=0.5, terminal_voltage=-0.1)
+    x = exciter.run(u, 5.0, step=2e-3)[-1]
+    found, v_t = exciter.signals(x, u), u[0, 0]
+    assert found["regulator_voltage"] == pytest.approx(6.0 * v_t, abs=1e-9)
+    assert found["regulator_integral"].real < 6.0 / 1.5
+    assert exciter.rates(x, u)["regulator_integral"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "highest", "at_start"),
+    [
+        ({"regulator_maximum": 0.0}, (0.4 + 0.4) * 3.5, None),
+        ({"exciter_gain": 0.0}, 6.0, 0.6),
+        ({"regulator_maximum": 0.0, "exciter_gain": 0.0}, 0.4 * 3.5, 0.14),
+    ],
+)
+def test_dc4b_has_the_rules_of_dc_commutators(changes, highest, at_start):
+    exciter = alone("dc4b", **changes)
+    assert exciter.value("regulator_maximum") == pytest.approx(highest, rel=1e-12)
+    if at_start is not None:
+        regulator = exciter.signals(exciter.x, exciter.u)["regulator_voltage"]
+        assert regulator == pytest.approx(at_start, abs=1e-9)
 
 
 def test_stabilizer_signal_of_esst1a_enters_behind_the_regulator_for_vos_2():
@@ -284,6 +335,9 @@ def test_time_constants_of_zero_act_as_very_small_ones(model, zero):
         ("expic1", {"filter_time_1": 0.0, "filter_time_2": 0.0}, "TA3 has to be 0"),
         ("scrx", {"source_code": 2.0}, "CSWITCH 2 is neither"),
         ("ieeet3", {"regulator_minimum": 4.0}, "VRMIN is above"),
+        ("exac4", {"lag_time": 0.0}, "TB is 0: lead_time TC"),
+        ("dc4b", {"derivative_time": 0.0}, "TD is 0: derivative_gain KD"),
+        ("dc4b", {"proportional_gain": 0.0, "integral_gain": 0.0}, "nothing holds the voltage"),
     ],
 )
 def test_impossible_parameters_are_refused_with_their_symbol(model, changes, fault):
@@ -295,4 +349,5 @@ def test_records_have_the_length_of_the_psse_data_sheets():
     lengths = {model: len(DEVICES[model].psse_record) for model in RECORDS}
     assert lengths == {
         "esst1a": 20, "esst4b": 17, "st6b": 17, "expic1": 24, "scrx": 8, "ieeet2": 14, "ieeet3": 12,
+        "exac4": 10, "dc4b": 20,
     }  # fmt: skip

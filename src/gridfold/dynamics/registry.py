@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.exciters.ac8b import AC8B
+from gridfold.dynamics.exciters.dc4b import DC4B
 from gridfold.dynamics.exciters.esac1a import ESAC1A
 from gridfold.dynamics.exciters.esac6a import ESAC6A
 from gridfold.dynamics.exciters.esac8b import ESAC8B
@@ -14,6 +15,7 @@ from gridfold.dynamics.exciters.esst3a import ESST3A
 from gridfold.dynamics.exciters.esst4b import ESST4B
 from gridfold.dynamics.exciters.exac1 import EXAC1
 from gridfold.dynamics.exciters.exac2 import EXAC2
+from gridfold.dynamics.exciters.exac4 import EXAC4
 from gridfold.dynamics.exciters.exdc2 import EXDC2
 from gridfold.dynamics.exciters.expic1 import EXPIC1
 from gridfold.dynamics.exciters.exst1 import EXST1
@@ -32,6 +34,7 @@ from gridfold.dynamics.governors.gast import GAST
 from gridfold.dynamics.governors.ggov1 import GGOV1
 from gridfold.dynamics.governors.hygov import HYGOV
 from gridfold.dynamics.governors.ieeeg1 import IEEEG1
+from gridfold.dynamics.governors.ieeeg3 import IEEEG3
 from gridfold.dynamics.governors.ieesgo import IEESGO
 from gridfold.dynamics.governors.pidgov import PIDGOV
 from gridfold.dynamics.governors.tgov1 import TGOV1
@@ -64,6 +67,7 @@ _ALL = (
     GENSAE,
     GENSAL,
     AC8B,
+    DC4B,
     ESAC1A,
     ESAC6A,
     ESAC8B,
@@ -74,6 +78,7 @@ _ALL = (
     ESST4B,
     EXAC1,
     EXAC2,
+    EXAC4,
     EXDC2,
     EXPIC1,
     EXST1,
@@ -90,6 +95,7 @@ _ALL = (
     GGOV1,
     HYGOV,
     IEEEG1,
+    IEEEG3,
     IEESGO,
     PIDGOV,
     TGOV1,
