@@ -57,7 +57,7 @@ def power(governor: Alone, x: np.ndarray, u: np.ndarray) -> float:
         {"feedback_code": -2.0},
         {"supervisory_gain": 0.02},
         {"dead_band": 0.001},
-        {"governor_gain": 0.0},
+        {"proportional_gain": 0.0},
         {"load_gain": 0.0, "load_integral_gain": 0.0},
         {"engine_delay": 0.4, "turbine_damping": 0.5},
         {"turbine_damping": -1.0, "temperature_time": 0.0},

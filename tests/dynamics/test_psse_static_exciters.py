@@ -328,7 +328,11 @@ def test_time_constants_of_zero_act_as_very_small_ones(model, zero):
     [
         ("esst1a", {"stabilizer_code": 3.0}, "VOS 3 is neither"),
         ("esst1a", {"regulator_time": 0.0}, "algebraic loop"),
-        ("esst4b", {"inner_gain": 0.0, "inner_integral_gain": 0.0}, "KPM and .* both 0"),
+        (
+            "esst4b",
+            {"inner_proportional_gain": 0.0, "inner_integral_gain": 0.0},
+            "KPM and .* both 0",
+        ),
         ("esst4b", {"potential_gain": 0.0, "current_gain": 0.0}, "no source"),
         ("st6b", {"forward_gain": 0.0, "inner_gain": 0.0}, "nothing drives the rectifier"),
         ("expic1", {"second_feedback_time": 0.0}, "TF2 is 0: feedback_gain KF"),

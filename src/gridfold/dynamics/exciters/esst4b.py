@@ -46,7 +46,7 @@ PARAMETERS = (
     Parameter("regulator_maximum", "VRMAX", "p.u.", Bound.ANY),
     Parameter("regulator_minimum", "VRMIN", "p.u.", Bound.ANY),
     Parameter("regulator_time", "TA", "s", Bound.NOT_NEGATIVE),
-    Parameter("inner_gain", "KPM", "p.u.", Bound.NOT_NEGATIVE),
+    Parameter("inner_proportional_gain", "KPM", "p.u.", Bound.NOT_NEGATIVE),
     Parameter("inner_integral_gain", "KIM", "1/s", Bound.NOT_NEGATIVE),
     Parameter("inner_maximum", "VMMAX", "p.u.", Bound.ANY),
     Parameter("inner_minimum", "VMMIN", "p.u.", Bound.ANY),
@@ -114,8 +114,8 @@ def gains(parameters: Mapping[str, float]) -> Iterable[str]:
     """Regulators that regulate, a source that gives something."""
     if parameters["proportional_gain"] == 0 and parameters["integral_gain"] == 0:
         yield "proportional_gain KPR and integral_gain KIR are both 0: nothing holds the voltage"
-    if parameters["inner_gain"] == 0 and parameters["inner_integral_gain"] == 0:
-        yield "inner_gain KPM and inner_integral_gain KIM are both 0: nothing drives the rectifier"
+    if parameters["inner_proportional_gain"] == 0 and parameters["inner_integral_gain"] == 0:
+        yield "inner_proportional_gain KPM and inner_integral_gain KIM are both 0: nothing drives it"
     if parameters["potential_gain"] == 0 and parameters["current_gain"] == 0:
         yield "potential_gain KP and current_gain KI are both 0: the rectifier has no source"
 

@@ -83,14 +83,14 @@ PARAMETERS = (
     Parameter("power_time", "Tpelec", "s", Bound.NOT_NEGATIVE),
     Parameter("highest_error", "maxerr", "p.u.", Bound.ANY),
     Parameter("lowest_error", "minerr", "p.u.", Bound.ANY),
-    Parameter("governor_gain", "Kpgov", "p.u.", Bound.NOT_NEGATIVE),
+    Parameter("proportional_gain", "Kpgov", "p.u.", Bound.NOT_NEGATIVE),
     Parameter("governor_integral_gain", "Kigov", "1/s", Bound.NOT_NEGATIVE),
     Parameter("governor_derivative_gain", "Kdgov", "s", Bound.NOT_NEGATIVE),
     Parameter("governor_derivative_time", "Tdgov", "s", Bound.NOT_NEGATIVE),
     Parameter("highest_valve", "Vmax", "p.u.", Bound.ANY),
     Parameter("lowest_valve", "Vmin", "p.u.", Bound.ANY),
     Parameter("valve_time", "Tact", "s"),
-    Parameter("turbine_gain", "Kturb", "p.u."),
+    Parameter("power_by_fuel", "Kturb", "p.u."),
     Parameter("no_load_flow", "Wfnl", "p.u.", Bound.NOT_NEGATIVE),
     Parameter("turbine_lag_time", "Tb", "s", Bound.NOT_NEGATIVE),
     Parameter("turbine_lead_time", "Tc", "s", Bound.NOT_NEGATIVE),
@@ -242,7 +242,7 @@ def resolve(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, fl
 def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     """The fuel that gives the power, the governor in charge."""
     power = known["mechanical_power"] / p["power_base"]
-    fuel = power / p["turbine_gain"] + p["no_load_flow"]
+    fuel = power / p["power_by_fuel"] + p["no_load_flow"]
     electric = known["active_power"] / p["power_base"]
     feedback = np.select(
         [p["feedback_code"] == 0, p["feedback_code"] == ELECTRIC_POWER], [0.0, electric], fuel

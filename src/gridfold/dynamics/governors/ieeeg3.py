@@ -8,8 +8,8 @@ models for steam and hydro turbines in power system studies, 1973). With the spe
     Pm    = a23 (1 + (a11 - a13 a21 / a23) s TW) / (1 + a11 s TW) gate
 
 with UC <= pilot <= UO and PMIN <= gate <= PMAX, both non-windup. PSS/E calls the droops sigma and
-delta. The water column is linear: an ideal
-turbine at full load has a11 = 0.5, a13 = 1, a21 = 1.5 and a23 = 1.
+delta. The water column is linear: an ideal turbine at full load has a11 = 0.5, a13 = 1, a21 = 1.5 and
+a23 = 1.
 """
 
 from __future__ import annotations
