@@ -152,7 +152,14 @@ _JSON_TYPES = {
 }
 
 _BOUNDS = {Bound.ANY: "any", Bound.NOT_NEGATIVE: "≥ 0", Bound.POSITIVE: "> 0"}
-_SYMBOLS = {"THETAP": r"\theta_P", "dVRMAX": r"\Delta V_{\mathrm{RMAX}}"}
+_SYMBOLS = {
+    "THETAP": r"\theta_P",
+    "dVRMAX": r"\Delta V_{\mathrm{RMAX}}",
+    "DROOP": r"R_{\mathrm{droop}}",
+    "Flag": "F",
+    "maxerr": r"e_{\mathrm{max}}",
+    "minerr": r"e_{\mathrm{min}}",
+}
 _SCALINGS = {Scaling.NONE: "none", Scaling.POWER: "$\\times k$", Scaling.IMPEDANCE: "$\\div k$"}
 
 

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import one_machine_infinite_bus
+from device_alone import Alone, alone_in, jacobian_error, lag, lead_lag, machine_with
 
 import gridfold as gf
 from gridfold.dynamics.assemble import assemble
 from gridfold.dynamics.device import Device
-from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.exciters import esdc2a, esst3a, exdc2, exst1, ieeet1, ieeex1, sexs
+from gridfold.dynamics.exciters import esdc1a, esdc2a, esst3a, exdc2, exst1, ieeet1, ieeex1, sexs
 from gridfold.dynamics.exciters.rectifier import rectified
 from gridfold.dynamics.initialize import OnLimit, initialize
 from gridfold.dynamics.layout import build_layout
-from gridfold.dynamics.machines.genrou import DYR_COLUMNS as GENROU_COLUMNS
 from gridfold.dynamics.machines.genrou import GENROU
 from gridfold.dynamics.registry import DEVICES
-from gridfold.numerics.newton import complex_step_jacobian
 
 EXCITERS: dict[str, Device] = {
     "ieeet1": ieeet1.IEEET1,
     "ieeex1": ieeex1.IEEEX1,
     "exdc2": exdc2.EXDC2,
+    "esdc1a": esdc1a.ESDC1A,
     "esdc2a": esdc2a.ESDC2A,
     "exst1": exst1.EXST1,
     "esst3a": esst3a.ESST3A,
@@ -32,13 +30,13 @@ EXCITERS: dict[str, Device] = {
 }
 KNOWN = {**DEVICES, **EXCITERS, "genrou": GENROU}
 
-MACHINE = (6.5, 0.03, 0.6, 0.05, 4.0, 0.0, 1.8, 1.7, 0.3, 0.55, 0.25, 0.2, 0.05, 0.3)
 PLAIN = (0.02, 40.0, 0.05)
 DC = (6.0, -5.0, 0.1, 0.5, 0.06, 0.9, None, 2.5, 0.06, 3.3, 0.3)
 RECORDS = {
     "ieeet1": PLAIN + DC,
     "ieeex1": (*PLAIN, 0.3, 0.1, *DC),
     "exdc2": (*PLAIN, 0.3, 0.1, *DC),
+    "esdc1a": (*PLAIN, 0.3, 0.1, *DC),
     "esdc2a": (*PLAIN, 0.3, 0.1, *DC),
     "exst1": (0.02, 0.2, -0.15, 0.4, 1.5, 60.0, 0.03, 6.0, -4.0, 0.1, 0.02, 0.8),
     "esst3a": (
@@ -49,9 +47,9 @@ RECORDS = {
 }
 DYR = {
     module.__name__.rpartition(".")[2]: module.DYR_COLUMNS
-    for module in (ieeet1, ieeex1, exdc2, esdc2a, exst1, esst3a, sexs)
+    for module in (ieeet1, ieeex1, exdc2, esdc1a, esdc2a, exst1, esst3a, sexs)
 }
-DC_MODELS = ("ieeet1", "ieeex1", "exdc2", "esdc2a")
+DC_MODELS = ("ieeet1", "ieeex1", "exdc2", "esdc1a", "esdc2a")
 EVERY = pytest.mark.parametrize("model", EXCITERS)
 
 
@@ -62,99 +60,20 @@ def parameters(model: str, **changes: float) -> dict[str, float]:
 
 def case_with(model: str, machine_base: float = 100.0, **changes: float) -> gf.Case:
     """A GENROU with this exciter at an infinite bus; the machine is the same on any base."""
-    case = one_machine_infinite_bus(base_mva=machine_base)
-    ratio = machine_base / 100.0
-    machine = dict(zip(GENROU_COLUMNS, MACHINE, strict=True))
-    for name in machine:
-        if name.endswith("reactance"):
-            machine[name] *= ratio
-    machine["inertia"] /= ratio
-    return replace(
-        case,
-        devices=(
-            gf.DeviceRecord("genrou", 1, "1", machine),
-            gf.DeviceRecord("infinite_bus", 2, "1", {"reactance": 0.1}),
-            gf.DeviceRecord(model, 1, "1", parameters(model, **changes)),
-        ),
-    )
+    return machine_with({model: parameters(model, **changes)}, machine_base)
 
 
 def start_of(case: gf.Case, on_limit: OnLimit = OnLimit.ERROR):
     return initialize(build_layout(assemble(case, KNOWN)), gf.solve_power_flow(case), on_limit)
 
 
-@dataclass
-class Alone:
-    """An exciter by itself at the operating point of its machine."""
-
-    device: Device
-    x: np.ndarray
-    u: np.ndarray
-    p: np.ndarray
-
-    def stages(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        x, u, p = (np.asarray(rows, dtype=complex) for rows in (x, u, self.p))
-        y = output_stage(self.device, x, u, p, source_stage(self.device, x, p))
-        return y, derivative_stage(self.device, x, u, p, y)
-
-    def signals(self, x: np.ndarray, u: np.ndarray) -> dict[str, float]:
-        y, _ = self.stages(x, u)
-        rows = dict(zip(self.device.states, x[:, 0], strict=True))
-        return rows | dict(zip(self.device.signal_rows, y[:, 0].real, strict=True))
-
-    def rates(self, x: np.ndarray, u: np.ndarray) -> dict[str, float]:
-        rates = self.stages(x, u)[1][:, 0].real
-        return dict(zip(self.device.states, rates, strict=True))
-
-    def value(self, name: str) -> float:
-        return float(self.p[self.device.parameter_rows.index(name), 0])
-
-    def inputs(self, **changes: float) -> np.ndarray:
-        u = self.u.copy()
-        for name, change in changes.items():
-            u[self.device.inputs.index(name)] += change
-        return u
-
-    def gain(self, name: str, s: complex) -> complex:
-        """Transfer function from the input `name` to the field voltage, linearized."""
-        n = len(self.device.states)
-        column = self.device.inputs.index(name)
-
-        def evaluate(z):
-            y, dx = self.stages(z[:n], z[n:])
-            rows = [*z[:n], *y]
-            names = (*self.device.states, *self.device.signal_rows)
-            return np.concatenate([dx, [rows[names.index("field_voltage")]]])
-
-        jacobian = complex_step_jacobian(evaluate, np.concatenate([self.x, self.u]))[:, :, 0]
-        a, b = jacobian[:n, :n], jacobian[:n, n + column]
-        c, d = jacobian[n, :n], jacobian[n, n + column]
-        return complex(c @ np.linalg.solve(s * np.eye(n) - a, b) + d)
-
-    def run(self, u: np.ndarray, seconds: float, x: np.ndarray | None = None, step: float = 5e-4):
-        """Heun's method with constant inputs; states along the way, the last one at the end."""
-        states = [self.x if x is None else x]
-        for _ in range(round(seconds / step)):
-            before = states[-1]
-            rate = self.stages(before, u)[1].real
-            after = self.stages(before + step * rate, u)[1].real
-            states.append(before + 0.5 * step * (rate + after))
-        return states
-
-
 def alone(model: str, machine_base: float = 100.0, **changes: float) -> Alone:
     built = gf.build_model(case_with(model, machine_base, **changes), devices=KNOWN)
-    block = next(b for b in built.layout.blocks if b.device.model == model)
-    signals = built.signals(built.x0[None, :])[0]
-    return Alone(block.device, built.x0[block.state_index], signals[block.inputs], block.parameters)
+    return alone_in(built, model)
 
 
-def lag(s: complex, time: float) -> complex:
-    return 1 / (1 + s * time)
-
-
-def lead_lag(s: complex, p: dict[str, float]) -> complex:
-    return (1 + s * p.get("lead_time", 0.0)) / (1 + s * p.get("lag_time", 0.0))
+def compensator(s: complex, p: dict[str, float]) -> complex:
+    return lead_lag(s, p.get("lead_time", 0.0), p.get("lag_time", 0.0))
 
 
 # --- records and checks -----------------------------------------------------------------------------
@@ -170,7 +89,7 @@ def test_record_names_all_parameters_in_order(model):
 @pytest.mark.parametrize(
     ("model", "changes", "fault"),
     [
-        ("ieeet1", {"regulator_maximum": 0.0}, "VRMAX is 0"),
+        ("ieeet1", {"regulator_maximum": 0.0, "saturation_voltage_2": 0.0}, "VRMAX is 0"),
         ("ieeex1", {"lag_time": 0.0}, "TB is 0"),
         ("exdc2", {"feedback_time": 0.0}, "TF is 0"),
         ("esdc2a", {"saturation_1": 0.5}, "no quadratic saturation"),
@@ -207,14 +126,7 @@ def test_start_is_an_equilibrium_with_the_field_voltage_of_the_machine(model, ba
 def test_jacobian_equals_central_differences_off_the_equilibrium(model):
     built = gf.build_model(case_with(model), devices=KNOWN)
     x = built.x0 + 0.003 * np.random.default_rng(1).standard_normal(built.n_states)
-    columns = []
-    for k in range(built.n_states):
-        step = np.zeros(built.n_states)
-        step[k] = 1e-6
-        columns.append((built.compiled(x + step) - built.compiled(x - step)) / 2e-6)
-    expected = np.array(columns).T
-    scale = np.abs(expected).max(axis=1, keepdims=True) + 1.0
-    assert np.abs((built.jacobian(x) - expected) / scale).max() < 1e-6
+    assert jacobian_error(built, x) < 1e-6
 
 
 @pytest.mark.parametrize("model", DC_MODELS)
@@ -235,6 +147,30 @@ def test_exciter_gain_zero_starts_the_regulator_at_a_tenth_of_its_maximum(model)
     saturation = 0.3 * 3.3 * (max(field - knee, 0.0) / (3.3 - knee)) ** 2
     expected = (0.6 - saturation) / field
     assert exciter.value("effective_exciter_gain") == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("model", DC_MODELS)
+@pytest.mark.parametrize(
+    ("gain", "highest"), [(0.7, (0.7 + 0.3) * 3.3), (-0.05, 0.3 * 3.3), (0.0, 0.99)]
+)
+def test_a_regulator_maximum_of_zero_is_what_holds_the_second_saturation_voltage(
+    model, gain, highest
+):
+    """VRMAX = (KE + SE2) E2 = -VRMIN; a KE that is not positive does not count."""
+    exciter = alone(model, regulator_maximum=0.0, regulator_minimum=-99.0, exciter_gain=gain)
+    assert exciter.value("regulator_maximum") == pytest.approx(highest, rel=1e-12)
+    assert exciter.value("regulator_minimum") == pytest.approx(-highest, rel=1e-12)
+    if gain == 0.0:
+        regulator = exciter.signals(exciter.x, exciter.u)["regulator_voltage"]
+        assert regulator == pytest.approx(highest / 10, abs=1e-9)
+
+
+@pytest.mark.parametrize("points", [(0.0, 0.3), (0.06, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("model", DC_MODELS)
+def test_an_exciter_saturation_of_zero_at_a_point_means_none(model, points):
+    exciter = alone(model, saturation_1=points[0], saturation_2=points[1])
+    at_start = exciter.signals(exciter.x, exciter.u)
+    assert at_start["regulator_voltage"] == pytest.approx(0.1 * at_start["field_voltage"], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -271,7 +207,7 @@ def test_dc_exciter_has_the_transfer_function_of_its_diagram(model):
     knee = (2.5 - root * 3.3) / (1 - root)
     slope = 2 * 0.3 * 3.3 * max(field - knee, 0.0) / (3.3 - knee) ** 2
     for s in FREQUENCIES:
-        forward = p["regulator_gain"] * lag(s, p["regulator_time"]) * lead_lag(s, p)
+        forward = p["regulator_gain"] * lag(s, p["regulator_time"]) * compensator(s, p)
         forward /= s * p["exciter_time"] + p["exciter_gain"] + slope
         feedback = s * p["feedback_gain"] * lag(s, p["feedback_time"])
         expected = forward / (1 + forward * feedback)
@@ -283,7 +219,7 @@ def test_dc_exciter_has_the_transfer_function_of_its_diagram(model):
 def test_exst1_has_the_transfer_function_of_its_diagram():
     exciter, p = alone("exst1"), parameters("exst1")
     for s in FREQUENCIES:
-        forward = p["regulator_gain"] * lag(s, p["regulator_time"]) * lead_lag(s, p)
+        forward = p["regulator_gain"] * lag(s, p["regulator_time"]) * compensator(s, p)
         feedback = s * p["feedback_gain"] * lag(s, p["feedback_time"])
         expected = forward / (1 + forward * feedback)
         assert exciter.gain("stabilizer_signal", s) == pytest.approx(expected, rel=1e-9)
@@ -298,7 +234,7 @@ def test_esst3a_has_the_transfer_function_of_its_diagram():
     source, inner = at_start["source_voltage"], at_start["inner_voltage"]
     for s in FREQUENCIES:
         m = p["inner_gain"] * lag(s, p["inner_time"])
-        regulator = p["regulator_gain"] * lag(s, p["regulator_time"]) * lead_lag(s, p)
+        regulator = p["regulator_gain"] * lag(s, p["regulator_time"]) * compensator(s, p)
         loop = 1 + m * source * p["inner_feedback_gain"]
         expected = regulator * m * source / loop
         assert exciter.gain("stabilizer_signal", s) == pytest.approx(expected, rel=1e-9)
@@ -373,6 +309,7 @@ LIMITED = {
     "ieeet1": ("regulator", "regulator_voltage"),
     "ieeex1": ("regulator", "regulator_voltage"),
     "exdc2": ("regulator", "regulator_voltage"),
+    "esdc1a": ("regulator", "regulator_voltage"),
     "esdc2a": ("regulator", "regulator_voltage"),
     "exst1": ("regulator", "field_voltage"),
     "esst3a": ("regulator", "regulated_voltage"),

@@ -1,4 +1,4 @@
-"""The machines GENCLS, GENROU and GENSAL against circuits, phasor diagrams and one another."""
+"""The machines of PSS/E against circuits, phasor diagrams and one another."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import pytest
 import gridfold as gf
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.machines import gencls, genrou, gensal
-from gridfold.dynamics.machines.gencls import GENCLS
+from gridfold.dynamics.machines import gencls, genroe, genrou, gensae, gensal
 from gridfold.dynamics.machines.genrou import GENROU
 from gridfold.dynamics.machines.gensal import GENSAL
 from gridfold.dynamics.registry import DEVICES
 from gridfold.numerics.newton import complex_step_jacobian
 
 BASE_SPEED = 2 * np.pi * 60.0
-MODELS = {**DEVICES, "gencls": GENCLS, "genrou": GENROU, "gensal": GENSAL}
+MODELS = DEVICES
 
 ROUND = {
     "d_open_circuit_time": 8.0,
@@ -43,10 +42,16 @@ SALIENT = {name: ROUND[name] for name in (*gensal.DYR_COLUMNS, "resistance")} | 
     "subtransient_reactance": 0.22,
 }
 CLASSICAL = {"inertia": 3.0, "damping": 1.5, "resistance": 0.01, "reactance": 0.3}
-SAMPLES = {"gencls": CLASSICAL, "genrou": ROUND, "gensal": SALIENT}
+SAMPLES = {
+    "gencls": CLASSICAL,
+    "genroe": ROUND,
+    "genrou": ROUND,
+    "gensae": SALIENT,
+    "gensal": SALIENT,
+}
 NO_IRON = {"saturation_10": 0.0, "saturation_12": 0.0}
 ALL = pytest.mark.parametrize("model", list(SAMPLES))
-DETAILED = pytest.mark.parametrize("model", ["genrou", "gensal"])
+DETAILED = pytest.mark.parametrize("model", ["genroe", "genrou", "gensae", "gensal"])
 
 
 def machine_on_grid(
@@ -223,10 +228,23 @@ def test_unsaturated_start_is_the_phasor_diagram(model):
     assert power == pytest.approx(active + p["resistance"] * abs(current) ** 2, abs=1e-11)
 
 
-def test_saturated_genrou_start_is_the_phasor_diagram_with_saturated_reactances():
+def iron(model: str, p: dict[str, float], flux: float) -> float:
+    """S at a flux: a parabola over the flux, or a power of it, through S(1.0) and S(1.2)."""
+    if model in ("genroe", "gensae"):
+        return p["saturation_10"] * flux ** (
+            np.log(p["saturation_12"] / p["saturation_10"]) / np.log(1.2)
+        )
+    # The parabola through S(1.0) and S(1.2), found here as a linear problem in B and sqrt(B) A.
+    low, high = np.sqrt(p["saturation_10"]), np.sqrt(1.2 * p["saturation_12"])
+    root_b = (high - low) / 0.2
+    return (root_b * flux - (root_b - low)) ** 2 / flux
+
+
+@pytest.mark.parametrize("model", ["genroe", "genrou", "gensae"])
+def test_saturated_start_is_the_phasor_diagram_with_saturated_reactances(model):
     """S(psi'') acts like the reactances Xl + (X - Xl)/(1 + S_axis) and a smaller field."""
-    p = ROUND
-    built = machine_on_grid("genrou", p)
+    p = SAMPLES[model]
+    built = machine_on_grid(model, p)
     v_r, v_i, active, reactive = start_of(
         built, "voltage_real", "voltage_imag", "active_power", "reactive_power"
     )
@@ -234,10 +252,7 @@ def test_saturated_genrou_start_is_the_phasor_diagram_with_saturated_reactances(
     current = np.conj((active + 1j * reactive) / voltage)
     x_2, x_l = p["subtransient_reactance"], p["leakage_reactance"]
     flux = abs(voltage + (p["resistance"] + 1j * x_2) * current)
-    # The parabola through S(1.0) and S(1.2), found here as a linear problem in B and sqrt(B) A.
-    low, high = np.sqrt(p["saturation_10"]), np.sqrt(1.2 * p["saturation_12"])
-    root_b = (high - low) / 0.2
-    s = (root_b * flux - (root_b - low)) ** 2 / flux
+    s = iron(model, p, flux)
     s_q = s * (p["q_reactance"] - x_l) / (p["d_reactance"] - x_l)
     x_q = x_2 + (p["q_reactance"] - x_2) / (1 + s_q)
     angle = np.angle(voltage + (p["resistance"] + 1j * x_q) * current)
@@ -246,6 +261,30 @@ def test_saturated_genrou_start_is_the_phasor_diagram_with_saturated_reactances(
     field = flux_d * (1 + s) + (p["d_reactance"] - x_2) * (current * turn).real
     assert start_of(built, "rotor_angle")[0] == pytest.approx(angle, abs=1e-11)
     assert start_of(built, "field_voltage")[0] == pytest.approx(field, abs=1e-11)
+
+
+@DETAILED
+def test_a_saturation_point_of_zero_means_that_the_iron_does_not_saturate(model):
+    """As in PSS/E: neither a parabola from 1.0 on nor anything else."""
+    start = [
+        start_of(machine_on_grid(model, SAMPLES[model] | points), "field_voltage", "rotor_angle")
+        for points in (
+            NO_IRON,
+            {"saturation_10": 0.0},
+            {"saturation_10": 0.0, "saturation_12": 9.0},
+        )
+    ]
+    np.testing.assert_array_equal(start[0], start[1])
+    np.testing.assert_array_equal(start[0], start[2])
+
+
+@DETAILED
+def test_equal_saturation_points_are_a_curve_too(model):
+    p = SAMPLES[model] | {"saturation_10": 0.2, "saturation_12": 0.2}
+    for voltage in (1.0, 1.2):
+        built = machine_on_grid(model, p, 0.0, voltage, voltage)
+        field = start_of(built, "field_voltage")[0]
+        assert field == pytest.approx(voltage * 1.2, abs=1e-11)
 
 
 @DETAILED
@@ -406,10 +445,12 @@ def test_first_guess_meets_all_but_the_field_voltage(model, active, reactive):
 
 
 def test_columns_are_those_of_the_dynamics_records():
-    for module, device in ((gencls, GENCLS), (genrou, GENROU), (gensal, GENSAL)):
+    modules = (gencls, genroe, genrou, gensae, gensal)
+    for module in modules:
+        device = MODELS[module.__name__.rpartition(".")[2]]
         names = tuple(parameter.name for parameter in device.parameters)
         assert names[: len(module.DYR_COLUMNS)] == module.DYR_COLUMNS
-    assert [len(m.DYR_COLUMNS) for m in (gencls, genrou, gensal)] == [2, 14, 12]
+    assert [len(module.DYR_COLUMNS) for module in modules] == [2, 14, 14, 12, 12]
 
 
 @ALL

@@ -17,7 +17,7 @@ GENSAL = (6.5, 0.05, 0.06, 5.0, 1.0, 1.8, 1.1, 0.3, 0.25, 0.15, 0.05, 0.3)
 SEXS = (0.1, 10.0, 100.0, 0.05, 0.0, 4.0)
 TGOV1 = (0.05, 0.3, 1.2, 0.0, 2.1, 7.0, 0.0)
 IEEEST = (1, 0, 0, 0, 0, 0, 0, 0, 0.1, 0.02, 0, 0, 2, 2, 5, 0.1, -0.1, 0, 0)
-ESST4B = (0.0,) * 17
+EXBAS = (0.0,) * 21
 LOAD_MW, POWER_MW = 150.0, (60.0, 90.0, 25.0)
 
 
@@ -207,6 +207,16 @@ def test_values_at_the_end_may_be_absent_where_the_model_has_defaults(case):
     assert faults == ["IEEEST 1:1 (own.dyr:4): expected 19 values, found 16"]
 
 
+def test_a_value_that_a_record_leaves_to_others_is_told(case):
+    esdc2a = (0.02, 20, 0.1, 0, 0, 0, 0, 1.0, 0.5, 0.1, 1.0, 0, 2.0, 0.1, 3.0, 0.3)
+    found = device_records(case, data(WHOLE[0], ("GENROU", 2, GENROU), ("ESDC2A", 2, esdc2a)))
+    assert found.skipped == (
+        "own.dyr: ESDC2A: VRMAX follows from other values: 1 record, first 2:1 (line 3)",
+        "own.dyr: ESDC2A: VRMIN follows from other values: 1 record, first 2:1 (line 3)",
+    )
+    assert by_name(found)["esdc2a 2:1"]["regulator_maximum"] == 0
+
+
 def test_text_in_the_place_of_a_number_is_refused(case):
     faults = faults_of(case, data(WHOLE[0], ("GENCLS", 2, (4.0, "X"))))
     assert faults == ["GENCLS 2:1 (own.dyr:2): value 2 is 'X', not a number"]
@@ -216,22 +226,22 @@ def test_two_devices_of_one_role_at_a_unit_are_refused_supported_or_not(case):
     rows = [
         *WHOLE,
         ("SEXS", 1, SEXS),
-        ("ESST4B", 1, ESST4B),
+        ("EXBAS", 1, EXBAS),
         ("REGCA1", 2, ()),
         ("TGOV1", 2, TGOV1),
     ]
     faults = faults_of(case, data(*rows), unsupported=Unsupported.DROP)
     assert faults == [
-        "unit 1:1 has 2 exciters: SEXS (line 3), ESST4B (line 4)",
+        "unit 1:1 has 2 exciters: SEXS (line 3), EXBAS (line 4)",
         "unit 2:1 has 2 machines: GENCLS (line 2), REGCA1 (line 5)",
     ]
 
 
 def test_every_unsupported_model_is_listed_with_its_count_at_once(case):
     rows = [
-        ("GENROE", 1, GENROU),
-        ("ESST4B", 1, ESST4B),
-        ("GENROE", 2, GENROU),
+        ("GENTPJ1", 1, GENROU),
+        ("EXBAS", 1, EXBAS),
+        ("GENTPJ1", 2, GENROU),
         ("IEELAL", 0, "*", (0.4,)),
         ("MYSVC", 2, "7", ()),
     ]
@@ -239,23 +249,23 @@ def test_every_unsupported_model_is_listed_with_its_count_at_once(case):
     assert faults_of(case, data(*rows, skipped=[written])) == [
         "IEELAL (load model) is not supported: 1 record at 0:*, 150.0 MW (100.0% of load), line 4",
         "MYSVC (unknown) is not supported: 1 record at 2:7, line 5",
-        "GENROE (machine) is not supported: 2 records, 150.0 MW (100.0% of generation), "
+        "GENTPJ1 (machine) is not supported: 2 records, 150.0 MW (100.0% of generation), "
         "first 1:1, line 1",
-        "ESST4B (exciter) is not supported: 1 record at 1:1, 60.0 MW (40.0% of generation), line 2",
+        "EXBAS (exciter) is not supported: 1 record at 1:1, 60.0 MW (40.0% of generation), line 2",
         "a user-written model is not supported: line 9: 2 'USRMDL' 1 'MYGOV'",
     ]
 
 
 @pytest.mark.parametrize("unsupported", [Unsupported.CLASSICAL, Unsupported.DROP])
 def test_controllers_that_are_not_supported_are_left_out(case, unsupported):
-    rows = [*WHOLE, ("ESST4B", 1, ESST4B), ("GGOV1", 1, ()), ("PSS2A", 1, ()), ("MAXEX2", 1, ())]
+    rows = [*WHOLE, ("EXBAS", 1, EXBAS), ("TWDM1T", 1, ()), ("PSS3B", 1, ()), ("MAXEX2", 1, ())]
     rows += [("IEEEVC", 1, ()), ("NEWONE", 1, ()), ("TGOV1", 2, TGOV1)]
     found = device_records(case, data(*rows), unsupported=unsupported)
     assert list(by_name(found)) == ["genrou 1:1", "gencls 2:1", "tgov1 2:1"]
     assert outcomes(found) == {
-        ("ESST4B", "left out, constant field voltage"): ["1:1"],
-        ("GGOV1", "left out, constant mechanical power"): ["1:1"],
-        ("PSS2A", "left out"): ["1:1"],
+        ("EXBAS", "left out, constant field voltage"): ["1:1"],
+        ("TWDM1T", "left out, constant mechanical power"): ["1:1"],
+        ("PSS3B", "left out"): ["1:1"],
         ("MAXEX2", "left out"): ["1:1"],
         ("IEEEVC", "left out, the exciter holds the terminal voltage"): ["1:1"],
         ("NEWONE", "left out"): ["1:1"],
@@ -267,8 +277,7 @@ def test_controllers_that_are_not_supported_are_left_out(case, unsupported):
 @pytest.mark.parametrize(
     ("model", "values", "expected"),
     [
-        ("GENROE", GENROU, (5.0, 1.0, 0.3)),
-        ("GENSAE", GENSAL, (5.0, 1.0, 0.3)),
+        ("GENTPF", GENROU, (5.0, 1.0, 0.3)),
         ("GENDCO", (*GENROU, 0.1), (5.0, 1.0, 0.3)),
         ("GENTPJ1", (*GENROU, 0.1, 0.0), (5.0, 1.0, 0.3)),
         ("GENTRA", (6.5, 5.0, 1.0, 1.8, 1.1, 0.3, 0.05, 0.3, 0.0), (5.0, 1.0, 0.3)),
@@ -292,15 +301,15 @@ def test_machine_becomes_classical_with_its_inertia_damping_and_transient_reacta
 
 
 def test_a_short_record_of_a_machine_that_is_replaced_is_refused(case):
-    rows = data(WHOLE[0], ("GENROE", 2, GENROU[:8]))
+    rows = data(WHOLE[0], ("GENTPJ1", 2, GENROU[:8]))
     faults = faults_of(case, rows, unsupported=Unsupported.CLASSICAL)
-    assert faults == ["GENROE 2:1 (own.dyr:2): expected at least 9 values, found 8"]
+    assert faults == ["GENTPJ1 2:1 (own.dyr:2): expected at least 9 values, found 8"]
 
 
 @pytest.mark.parametrize(
     ("model", "unsupported"),
     [
-        ("GENROE", Unsupported.DROP),
+        ("GENTPJ1", Unsupported.DROP),
         ("REGCA1", Unsupported.CLASSICAL),
         ("REGCA1", Unsupported.DROP),
         ("CGEN1", Unsupported.CLASSICAL),
@@ -393,7 +402,7 @@ def test_the_table_of_names_agrees_with_the_models_that_gridfold_has():
 
 
 def test_positions_for_a_classical_machine_agree_with_the_models_that_gridfold_has():
-    for model in ("GENROU", "GENSAL"):
+    for model in ("GENROE", "GENROU", "GENSAE", "GENSAL"):
         columns = DEVICES[model.lower()].psse_record
         names = ("inertia", "damping", "d_transient_reactance")
         assert tuple(columns.index(name) for name in names) == CLASSICAL_COLUMNS[model]

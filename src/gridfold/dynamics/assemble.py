@@ -35,8 +35,8 @@ def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]
         units = [unit for unit in base if unit in by_unit]
         if units:
             records = [by_unit[unit] for unit in units]
-            ratio = np.array([base[unit] / case.base_mva for unit in units])
-            groups.append((device, units, _parameter_rows(device, records, ratio, case)))
+            bases = np.array([base[unit] for unit in units])
+            groups.append((device, units, _parameter_rows(device, records, bases, case)))
     return groups
 
 
@@ -46,13 +46,15 @@ def negative_loads(case: Case) -> frozenset[UnitKey]:
 
 
 def _parameter_rows(
-    device: Device, records: Sequence[DeviceRecord], ratio: NDArray[np.float64], case: Case
+    device: Device, records: Sequence[DeviceRecord], bases: NDArray[np.float64], case: Case
 ) -> NDArray[np.float64]:
+    known = [
+        device.acting(record.parameters, base) for record, base in zip(records, bases, strict=True)
+    ]
     rows = []
     for parameter in device.parameters:
-        default = math.nan if parameter.default is None else parameter.default
-        values = np.array([r.parameters.get(parameter.name, default) for r in records], dtype=float)
-        rows.append(values * ratio**parameter.scaling.value)
+        values = np.array([one.get(parameter.name, math.nan) for one in known], dtype=float)
+        rows.append(values * (bases / case.base_mva) ** parameter.scaling.value)
     rows += [np.full(len(records), np.nan) for _ in device.set_points]
     rows.append(np.full(len(records), 2 * np.pi * case.frequency_hz))
     return np.ascontiguousarray(rows)
@@ -66,9 +68,11 @@ def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
         first = next(record for record in case.devices if record.model == model)
         known = ", ".join((*devices, NEGATIVE_LOAD))
         yield f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}"
+    bases = {generator.key: generator.base_mva for generator in case.generators}
     for record in case.devices:
         if record.model in devices:
-            for fault in _record_faults(devices[record.model], record):
+            base = bases.get(record.key, case.base_mva)
+            for fault in _record_faults(devices[record.model], record, base):
                 yield f"{case.locate(record)}: {fault}"
         elif record.model == NEGATIVE_LOAD and record.parameters:
             names = ", ".join(record.parameters)
@@ -76,7 +80,7 @@ def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
     yield from _role_faults(case, devices)
 
 
-def _record_faults(device: Device, record: DeviceRecord) -> Iterator[str]:
+def _record_faults(device: Device, record: DeviceRecord, base_mva: float) -> Iterator[str]:
     known = {parameter.name: parameter for parameter in device.parameters}
     sound = True
     for name in record.parameters:
@@ -95,7 +99,7 @@ def _record_faults(device: Device, record: DeviceRecord) -> Iterator[str]:
         else:
             values[parameter.name] = value
     if sound:
-        yield from device.check(values)
+        yield from device.check(device.resolve(values, base_mva))
 
 
 def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:

@@ -118,6 +118,11 @@ def limits(lowest: str, highest: str, state: str | None = None) -> tuple[Limit, 
     return Limit(lowest, Side.LOWEST, state), Limit(highest, Side.HIGHEST, state)
 
 
+def as_given(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, float]:
+    """No value of a parameter stands for a rule."""
+    return parameters
+
+
 def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
     """Parameters need no check beyond their ranges."""
     return ()
@@ -158,8 +163,11 @@ class Device:
         Value of an input that no device provides.
     guess : callable
         First guess of unknowns by name from parameters and known signals; 0 where it is silent.
+    resolve : callable
+        Parameters of one unit as they act, from those given and its base in MVA: where a value stands
+        for a rule, such as a limit of 0 for one that follows from others.
     check : callable
-        Faults of one unit's parameters beyond their ranges.
+        Faults of one unit's parameters as they act, beyond their ranges.
     limits : tuple of Limit
         Parameters that are limits. The start is found without them, and then compared with them.
     psse_record : tuple of str or None
@@ -183,6 +191,7 @@ class Device:
     solved_inputs: tuple[str, ...] = ()
     defaults: Mapping[str, float] = field(default_factory=dict)
     guess: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = lambda p, known: {}
+    resolve: Callable[[Mapping[str, float], float], Mapping[str, float]] = as_given
     check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
     limits: tuple[Limit, ...] = ()
     psse_record: tuple[str | None, ...] = ()
@@ -196,6 +205,12 @@ class Device:
     def signal_rows(self) -> tuple[str, ...]:
         """Names of the rows of `y`."""
         return self.sources + self.outputs
+
+    def acting(self, given: Mapping[str, float], base_mva: float) -> dict[str, float]:
+        """Parameters of a unit as they act: with defaults, and resolved where none is missing."""
+        values = {p.name: given.get(p.name, p.default) for p in self.parameters}
+        known = {name: value for name, value in values.items() if value is not None}
+        return dict(self.resolve(known, base_mva)) if len(known) == len(values) else known
 
     @property
     def own_digest(self) -> str | None:

@@ -139,19 +139,27 @@ def _check_limits(
     p: NDArray[np.float64],
     report: _LimitReport,
 ) -> None:
-    """Write down the limits that act at the start, and move them in `p` if that is asked for."""
-    device = block.device
-    for k, column in np.argwhere(acting_limits(device, x, u, p)):
-        limit = device.limits[k]
-        row = device.parameter_rows.index(limit.parameter)
-        one = [np.ascontiguousarray(rows[:, [column]]) for rows in (x, u, p)]
-        needed, symbol = widened(device, k, *one), device.parameters[row].symbol
-        report.lines.append(
-            f"{device.model} {block.units[column]}: {symbol} ({limit.parameter}) is "
-            f"{p[row, column]:.6g}, the start needs {needed:.6g}"
-        )
-        if report.on_limit is OnLimit.ADJUST:
-            p[row, column] = needed
+    """Write down the limits that act at the start, and move them in `p` if that is asked for.
+
+    A limit may hide another one behind it, so they are looked for again with those found moved.
+    """
+    device, moved = block.device, p.copy()
+    for _ in device.limits:
+        acting = np.argwhere(acting_limits(device, x, u, moved))
+        if not len(acting):
+            break
+        for k, column in acting:
+            limit = device.limits[k]
+            row = device.parameter_rows.index(limit.parameter)
+            one = [np.ascontiguousarray(rows[:, [column]]) for rows in (x, u, moved)]
+            needed, symbol = widened(device, k, *one), device.parameters[row].symbol
+            report.lines.append(
+                f"{device.model} {block.units[column]}: {symbol} ({limit.parameter}) is "
+                f"{p[row, column]:.6g}, the start needs {needed:.6g}"
+            )
+            moved[row, column] = needed
+    if report.on_limit is OnLimit.ADJUST:
+        p[:] = moved
 
 
 class _StartProblem:

@@ -65,7 +65,7 @@ def device_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterat
 def _unusual(
     device: Device, record: DeviceRecord, unit: Generator, case: Case
 ) -> Iterator[tuple[str, str]]:
-    values = parameter_values(device, record)
+    values = device.acting(record.parameters, unit.base_mva)
     known = {parameter.name: parameter for parameter in device.parameters}
     for row in RANGES if device.states else ():  # an infinite bus has no usual values
         if row.role is device.role and row.parameter in values:
@@ -97,12 +97,6 @@ def _beyond(
         return None
     on = "" if nearest == value else f"{value:g} here; on the power that the unit gives, "
     return f"{_named(parameter)} is {on}{usual.doubt(nearest).removeprefix(usual.what + ' is ')}"
-
-
-def parameter_values(device: Device, record: DeviceRecord) -> dict[str, float]:
-    """Parameters of a record that its device knows, with the defaults of those that are not given."""
-    given = {p.name: record.parameters.get(p.name, p.default) for p in device.parameters}
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def _ratings(device: Device, unit: Generator, case: Case) -> tuple[float, float]:

@@ -169,7 +169,7 @@ def device_records(
         units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
     for record in records.apart:
         units.leave_out(record)
-    notices = (*records.notices(), *units.notices)
+    notices = (*records.notices(), *units.resolved_texts(), *units.notices)
     replaced = units.tally.replacements()
     return PsseDevices(tuple(units.made), replaced, notices, unplaced, units.origins)
 
@@ -311,6 +311,7 @@ class _Units:
         self.lacking: list[UnitKey] = []
         self.faults: list[str] = []
         self.notices: list[str] = []
+        self.resolved: dict[tuple[str, str], list[DynamicRecord]] = {}
         for skipped in records.user_written:
             if skipped.unit is not None:
                 self.tally.add(_USER_WRITTEN, "left out", skipped.unit)
@@ -395,3 +396,17 @@ class _Units:
         made = DeviceRecord(device.model, record.bus, record.id, parameters)
         self.made.append(made)
         self.origins[str(made)] = f"{self.records.file}:{record.line}"
+        acting = device.acting(parameters, self.generators[record.key].base_mva)
+        for parameter in device.parameters:
+            given = parameters.get(parameter.name, parameter.default)
+            if given is not None and acting[parameter.name] != given:
+                self.resolved.setdefault((record.model, parameter.symbol), []).append(record)
+
+    def resolved_texts(self) -> Iterator[str]:
+        """What a record leaves to be found from its other values."""
+        for (model, symbol), records in self.resolved.items():
+            count = "1 record" if len(records) == 1 else f"{len(records)} records"
+            yield (
+                f"{self.records.file}: {model}: {symbol} follows from other values: {count}, "
+                f"first {records[0].key} (line {records[0].line})"
+            )

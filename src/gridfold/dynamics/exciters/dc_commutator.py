@@ -12,6 +12,9 @@ KE = 0 is PSS/E's sign that the shunt field is trimmed by hand: at the start the
 of VRMAX, and KE follows from that, KE = VRMAX / (10 EFD) - SE(EFD). It is therefore a set point,
 ``effective_exciter_gain``, and equal to the given KE where that is not zero.
 
+VRMAX = 0 is PSS/E's sign that the regulator can just hold the field voltage E2: then VRMAX is
+(KE + SE2) E2, or SE2 E2 where KE is not positive, and VRMIN = -VRMAX.
+
 As the start needs VRMAX itself, not VRMAX but an addition to it, 0 unless somebody moves it, is what
 is taken away at the start and moved where a limit is in the way.
 """
@@ -24,7 +27,8 @@ from typing import Any
 
 from numba import njit
 
-from gridfold.dynamics.blocks import lead_lag, limited_lag, quadratic_saturation, washout
+from gridfold.dynamics.blocks import lead_lag, limited_lag, quadratic_saturation
+from gridfold.dynamics.checks import checks
 from gridfold.dynamics.device import Bound, Limit, Parameter, Side, Values
 
 #: Part of VRMAX that the regulator gives at the start where KE is chosen by the start.
@@ -95,14 +99,6 @@ COMPENSATED_COLUMNS: tuple[str | None, ...] = (
 
 
 @njit
-def rate_feedback(e_fd, x, gain, time):
-    """VF and the derivative of its state; no feedback where TF is zero."""
-    if time.real > 0:
-        return washout(e_fd, x, gain, time)
-    return 0.0 * e_fd, e_fd - x
-
-
-@njit
 def regulator(error, x_lead, x_regulator, gain, time, lead, lag_time, lowest, highest):
     """VR and the derivatives of the lead-lag and the regulator state."""
     lead_out, lead_rate = lead_lag(error, x_lead, lead, lag_time)
@@ -111,24 +107,16 @@ def regulator(error, x_lead, x_regulator, gain, time, lead, lag_time, lowest, hi
 
 
 @njit
-def saturation(e_fd, e_1, s_1, e_2, s_2):
-    """EFD SE(EFD); a curve with SE = 0 at one of its points means that there is none."""
-    if s_1.real == 0.0 or s_2.real == 0.0:
-        return 0.0 * e_fd
-    return quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)
-
-
-@njit
 def exciter_rate(v_r, e_fd, k_e, t_e, e_1, s_1, e_2, s_2):
     """Derivative of EFD."""
-    return (v_r - k_e * e_fd - saturation(e_fd, e_1, s_1, e_2, s_2)) / t_e
+    return (v_r - k_e * e_fd - quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)) / t_e
 
 
 @njit
 def start_condition(e_fd, k_e, k_e_used, v_rmax, e_1, s_1, e_2, s_2):
     """What has to vanish at the start: KE is the given one, or that of the trimmed shunt field."""
     if k_e.real == 0.0:
-        drop = k_e_used * e_fd + saturation(e_fd, e_1, s_1, e_2, s_2)
+        drop = k_e_used * e_fd + quadratic_saturation(e_fd, e_1, s_1, e_2, s_2)
         return drop - TRIMMED_SHARE * v_rmax
     return k_e_used - k_e
 
@@ -143,17 +131,19 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     }
 
 
-def check(parameters: Mapping[str, float]) -> Iterable[str]:
-    """Blocks that do not exist, limits that cross, a saturation curve that does not rise."""
-    if parameters.get("lag_time") == 0 and parameters["lead_time"] > 0:
-        yield "lag_time TB is 0 but lead_time TC is not: that is no lead-lag block"
-    if parameters["feedback_time"] == 0 and parameters["feedback_gain"] > 0:
-        yield "feedback_time TF is 0 but feedback_gain KF is not: that is a pure differentiator"
+def resolve(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, float]:
+    """VRMAX = 0 as the regulator output that holds the field voltage E2."""
+    if parameters["regulator_maximum"] != 0:
+        return parameters
+    slope = max(parameters["exciter_gain"], 0.0) + parameters["saturation_2"]
+    highest = slope * parameters["saturation_voltage_2"]
+    return {**parameters, "regulator_maximum": highest, "regulator_minimum": -highest}
+
+
+def no_regulator(parameters: Mapping[str, float]) -> Iterable[str]:
+    """A fault where VRMAX is 0 and cannot be found."""
     if parameters["regulator_maximum"] == 0:
-        yield "regulator_maximum VRMAX is 0: PSS/E chooses it then, here its value has to be given"
-    if parameters["regulator_minimum"] > parameters["regulator_maximum"]:
-        yield "regulator_minimum VRMIN is above regulator_maximum VRMAX"
-    yield from saturation_faults(parameters)
+        yield "regulator_maximum VRMAX is 0, and so is (KE + SE2) E2, from which it would follow"
 
 
 def saturation_faults(parameters: Mapping[str, float]) -> Iterable[str]:
@@ -162,8 +152,21 @@ def saturation_faults(parameters: Mapping[str, float]) -> Iterable[str]:
         (parameters[f"saturation_voltage_{k}"], parameters[f"saturation_{k}"]) for k in (1, 2)
     )
     (e_1, s_1), (e_2, s_2) = first, second
-    if s_2 > 0 and e_2 > 0 and (e_1 == e_2 or e_1 * s_1 >= e_2 * s_2):
+    if s_1 > 0 and s_2 > 0 and (e_1 == e_2 or e_1 * s_1 >= e_2 * s_2):
         yield (
             f"no quadratic saturation goes through SE({e_1:g}) = {s_1:g} and "
             f"SE({e_2:g}) = {s_2:g}: E SE(E) has to rise"
         )
+
+
+#: Checks of the models without a lead-lag block, and of those with one.
+_ORDERED = (("regulator_minimum", "regulator_maximum"),)
+_FEEDBACK = ("feedback_gain", "feedback_time")
+_MORE = (no_regulator, saturation_faults)
+PLAIN_CHECK = checks(EXCITER, ordered=_ORDERED, proper=[_FEEDBACK], more=_MORE)
+CHECK = checks(
+    COMPENSATOR + EXCITER,
+    ordered=_ORDERED,
+    proper=[("lead_time", "lag_time"), _FEEDBACK],
+    more=_MORE,
+)

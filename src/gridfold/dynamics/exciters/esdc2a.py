@@ -11,15 +11,10 @@ start see ``gridfold.dynamics.exciters.dc_commutator``.
 
 from __future__ import annotations
 
-from gridfold.dynamics.blocks import held, lag
+from gridfold.dynamics.blocks import held, lag, rate_feedback
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Side
 from gridfold.dynamics.exciters import dc_commutator
-from gridfold.dynamics.exciters.dc_commutator import (
-    exciter_rate,
-    rate_feedback,
-    regulator,
-    start_condition,
-)
+from gridfold.dynamics.exciters.dc_commutator import exciter_rate, regulator, start_condition
 
 TR, KA, TA, TB, TC, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED, EMIN = range(17)
 VREF, KEU, BASE_SPEED = range(17, 20)
@@ -90,7 +85,8 @@ ESDC2A = Device(
     targets=("field_voltage", dc_commutator.START_CONDITION),
     defaults=dc_commutator.DEFAULTS,
     guess=dc_commutator.guess,
-    check=dc_commutator.check,
+    resolve=dc_commutator.resolve,
+    check=dc_commutator.CHECK,
     limits=(
         *dc_commutator.LIMITS,
         Limit("field_voltage_minimum", Side.LOWEST, state="exciter_voltage"),

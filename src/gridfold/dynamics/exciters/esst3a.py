@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numpy as np
 from numba import njit
 
 from gridfold.dynamics.blocks import clip, lag, lead_lag, limited_lag
@@ -36,7 +35,7 @@ from gridfold.dynamics.device import (
     Values,
     limits,
 )
-from gridfold.dynamics.exciters.rectifier import rectified
+from gridfold.dynamics.exciters.rectifier import compound_voltage, rectified
 
 TR, VIMAX, VIMIN, KM, TC, TB, KA, TA, VRMAX, VRMIN, KG, KP, KI, VBMAX, KC, XL = range(16)
 VGMAX, THETAP, TM, VMMAX, VMMIN, BASE, VREF, BASE_SPEED = range(16, 24)
@@ -67,20 +66,6 @@ DYR_COLUMNS: tuple[str | None, ...] = (
     "inner_maximum",
     "inner_minimum",
 )
-
-
-@njit
-def compound_voltage(v_t, power, reactive, current_squared, k_p, angle_deg, k_i, x_l):
-    """VE from quantities on the machine's base; the angle in degrees."""
-    k_cos = k_i * np.cos(np.pi / 180.0 * angle_deg)
-    k_sin = k_i * np.sin(np.pi / 180.0 * angle_deg)
-    k_x = k_p * x_l
-    coupling = k_p * (k_sin * power + (k_cos + k_x) * reactive)
-    through = (k_i * k_i + 2.0 * k_cos * k_x + k_x * k_x) * current_squared
-    squared = k_p * k_p * v_t * v_t + through + 2.0 * coupling
-    if squared.real <= 0:
-        return 0.0 * squared
-    return np.sqrt(squared)
 
 
 @njit

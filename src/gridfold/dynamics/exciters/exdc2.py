@@ -11,15 +11,10 @@ Model Library; IEEE Committee Report, Excitation System Models for Power System 
 
 from __future__ import annotations
 
-from gridfold.dynamics.blocks import lag
+from gridfold.dynamics.blocks import lag, rate_feedback
 from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.exciters import dc_commutator
-from gridfold.dynamics.exciters.dc_commutator import (
-    exciter_rate,
-    rate_feedback,
-    regulator,
-    start_condition,
-)
+from gridfold.dynamics.exciters.dc_commutator import exciter_rate, regulator, start_condition
 
 TR, KA, TA, TB, TC, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED = range(16)
 VREF, KEU, BASE_SPEED = range(16, 19)
@@ -84,7 +79,8 @@ EXDC2 = Device(
     targets=("field_voltage", dc_commutator.START_CONDITION),
     defaults=dc_commutator.DEFAULTS,
     guess=dc_commutator.guess,
-    check=dc_commutator.check,
+    resolve=dc_commutator.resolve,
+    check=dc_commutator.CHECK,
     limits=dc_commutator.LIMITS,
     psse_record=DYR_COLUMNS,
 )

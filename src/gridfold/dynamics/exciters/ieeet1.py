@@ -10,10 +10,10 @@ Representation of Excitation Systems, 1968. For KE = 0 and the start see
 
 from __future__ import annotations
 
-from gridfold.dynamics.blocks import lag, limited_lag
+from gridfold.dynamics.blocks import lag, limited_lag, rate_feedback
 from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.exciters import dc_commutator
-from gridfold.dynamics.exciters.dc_commutator import exciter_rate, rate_feedback, start_condition
+from gridfold.dynamics.exciters.dc_commutator import exciter_rate, start_condition
 
 TR, KA, TA, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED, VREF, KEU, BASE_SPEED = range(17)
 VC, VR, VF, EFD = range(4)
@@ -59,7 +59,8 @@ IEEET1 = Device(
     targets=("field_voltage", dc_commutator.START_CONDITION),
     defaults=dc_commutator.DEFAULTS,
     guess=dc_commutator.guess,
-    check=dc_commutator.check,
+    resolve=dc_commutator.resolve,
+    check=dc_commutator.PLAIN_CHECK,
     limits=dc_commutator.STATE_LIMITS,
     psse_record=DYR_COLUMNS,
 )

@@ -23,7 +23,7 @@ S(1.2). Power over speed is the torque here; the two-axis machine takes power fo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,36 @@ def saturation(flux_d, flux_q, s_10, s_12):
     return 0.0 * flux
 
 
+@njit
+def stator_outputs(x, u, p, y, i, s):
+    """Outputs of unit `i`: stator currents, terminal power and voltage, field current with S = `s`."""
+    i_r, i_i, y[P, i], y[Q, i], y[VT, i] = terminal(
+        y[SOURCE_R, i], y[SOURCE_I, i], u[VR, i], u[VI, i], p[RA, i], p[X2, i]
+    )
+    i_d = i_r * y[SIN, i] - i_i * y[COS, i]
+    y[IR, i], y[II, i] = i_r, i_i
+    y[ID, i], y[IQ, i] = i_d, i_r * y[COS, i] + i_i * y[SIN, i]
+    error = x[PSI_1D, i] + (p[XD1, i] - p[XL, i]) * i_d - x[EQ1, i]
+    armature = induced(i_d, error, p[XD, i], p[XD1, i], p[X2, i], p[XL, i])
+    y[IFD, i] = x[EQ1, i] + armature + s * y[PSI_D, i]
+
+
+@njit
+def rotor_rates(x, u, p, y, dx, i, s):
+    """Derivatives of unit `i`: swing equation, field and dampers, with S = `s`."""
+    i_d, i_q, psi_d, psi_q = y[ID, i], y[IQ, i], y[PSI_D, i], y[PSI_Q, i]
+    torque = psi_d * i_q - psi_q * i_d
+    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
+    dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
+    dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
+    dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]
+    error = x[PSI_2Q, i] + (p[XQ1, i] - p[XL, i]) * i_q + x[ED1, i]
+    dx[PSI_2Q, i] = -error / p[TQ2, i]
+    armature = induced(i_q, error, p[XQ, i], p[XQ1, i], p[X2, i], p[XL, i])
+    s_q = s * (p[XQ, i] - p[XL, i]) / (p[XD, i] - p[XL, i])
+    dx[ED1, i] = (-x[ED1, i] + armature + s_q * psi_q) / p[TQ1, i]
+
+
 def source(x, u, p, y, dx):
     """Norton current E'' / (Ra + j X'')."""
     for i in range(x.shape[1]):
@@ -100,33 +130,15 @@ def source(x, u, p, y, dx):
 def output(x, u, p, y, dx):
     """Stator currents, terminal power and voltage, field current."""
     for i in range(x.shape[1]):
-        i_r, i_i, y[P, i], y[Q, i], y[VT, i] = terminal(
-            y[SOURCE_R, i], y[SOURCE_I, i], u[VR, i], u[VI, i], p[RA, i], p[X2, i]
-        )
-        i_d = i_r * y[SIN, i] - i_i * y[COS, i]
-        y[IR, i], y[II, i] = i_r, i_i
-        y[ID, i], y[IQ, i] = i_d, i_r * y[COS, i] + i_i * y[SIN, i]
-        error = x[PSI_1D, i] + (p[XD1, i] - p[XL, i]) * i_d - x[EQ1, i]
-        armature = induced(i_d, error, p[XD, i], p[XD1, i], p[X2, i], p[XL, i])
         s = saturation(y[PSI_D, i], y[PSI_Q, i], p[S10, i], p[S12, i])
-        y[IFD, i] = x[EQ1, i] + armature + s * y[PSI_D, i]
+        stator_outputs(x, u, p, y, i, s)
 
 
 def derivative(x, u, p, y, dx):
     """Swing equation, field and dampers."""
     for i in range(x.shape[1]):
-        i_d, i_q, psi_d, psi_q = y[ID, i], y[IQ, i], y[PSI_D, i], y[PSI_Q, i]
-        torque = psi_d * i_q - psi_q * i_d
-        dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
-        dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
-        dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
-        dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]
-        error = x[PSI_2Q, i] + (p[XQ1, i] - p[XL, i]) * i_q + x[ED1, i]
-        dx[PSI_2Q, i] = -error / p[TQ2, i]
-        armature = induced(i_q, error, p[XQ, i], p[XQ1, i], p[X2, i], p[XL, i])
-        s = saturation(psi_d, psi_q, p[S10, i], p[S12, i])
-        s_q = s * (p[XQ, i] - p[XL, i]) / (p[XD, i] - p[XL, i])
-        dx[ED1, i] = (-x[ED1, i] + armature + s_q * psi_q) / p[TQ1, i]
+        s = saturation(y[PSI_D, i], y[PSI_Q, i], p[S10, i], p[S12, i])
+        rotor_rates(x, u, p, y, dx, i, s)
 
 
 def admittance(p: Values) -> NDArray[np.complex128]:
@@ -140,13 +152,24 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     The magnitude of psi'' does not depend on the rotor angle, so S is known, and the q axis lies at
     V + (Ra + j Xs) I with Xs = X'' + (Xq - X'') / (1 + S (Xq - Xl)/(Xd - Xl)).
     """
+    excess = np.vectorize(quadratic_saturation.py_func, otypes=[float])
+
+    def of_flux(flux: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(excess(flux, 1.0, p["saturation_10"], 1.2, p["saturation_12"]) / flux)
+
+    return saturated_guess(p, known, of_flux)
+
+
+def saturated_guess(
+    p: Values,
+    known: Mapping[str, Any],
+    of_flux: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> dict[str, NDArray[np.float64] | float]:
+    """The start from the saturated q axis, S being `of_flux`."""
     x_2, x_l = p["subtransient_reactance"], p["leakage_reactance"]
     voltage, current = phasors(known)
     internal = voltage + current / admittance(p)
-    flux = np.abs(internal)
-    excess = np.vectorize(quadratic_saturation.py_func, otypes=[float])
-    s = excess(flux, 1.0, p["saturation_10"], 1.2, p["saturation_12"]) / flux
-    saturated = 1 + s * (p["q_reactance"] - x_l) / (p["d_reactance"] - x_l)
+    saturated = 1 + of_flux(np.abs(internal)) * (p["q_reactance"] - x_l) / (p["d_reactance"] - x_l)
     angle = np.angle(internal + 1j * (p["q_reactance"] - x_2) / saturated * current)
     turn = np.exp(-1j * (angle - np.pi / 2))
     rotor = internal * turn + 1j * (p["q_transient_reactance"] - x_2) * current * turn

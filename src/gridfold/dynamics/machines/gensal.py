@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from gridfold.dynamics.blocks import quadratic_saturation
 from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling, Values
@@ -66,31 +67,49 @@ def source(x, u, p, y, dx):
         y[PSI_D, i] = psi_d
 
 
+@njit
+def stator_outputs(x, u, p, y, i, excess):
+    """Outputs of unit `i`: stator currents, terminal power and voltage, field current.
+
+    `excess` is the field current that saturation adds.
+    """
+    i_r, i_i, y[P, i], y[Q, i], y[VT, i] = terminal(
+        y[SOURCE_R, i], y[SOURCE_I, i], u[VR, i], u[VI, i], p[RA, i], p[X2, i]
+    )
+    i_d = i_r * y[SIN, i] - i_i * y[COS, i]
+    y[IR, i], y[II, i] = i_r, i_i
+    y[ID, i], y[IQ, i] = i_d, i_r * y[COS, i] + i_i * y[SIN, i]
+    error = x[PSI_1D, i] + (p[XD1, i] - p[XL, i]) * i_d - x[EQ1, i]
+    armature = induced(i_d, error, p[XD, i], p[XD1, i], p[X2, i], p[XL, i])
+    y[IFD, i] = x[EQ1, i] + armature + excess
+
+
+@njit
+def rotor_rates(x, u, p, y, dx, i, excess):
+    """Derivatives of unit `i`: swing equation, field and dampers.
+
+    `excess` is what saturation takes from the damper of the q axis.
+    """
+    i_d, i_q = y[ID, i], y[IQ, i]
+    torque = y[PSI_D, i] * i_q - x[PSI_Q, i] * i_d
+    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
+    dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
+    dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
+    dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]
+    dx[PSI_Q, i] = (-x[PSI_Q, i] - (p[XQ, i] - p[X2, i]) * i_q - excess) / p[TQ2, i]
+
+
 def output(x, u, p, y, dx):
     """Stator currents, terminal power and voltage, field current."""
     for i in range(x.shape[1]):
-        i_r, i_i, y[P, i], y[Q, i], y[VT, i] = terminal(
-            y[SOURCE_R, i], y[SOURCE_I, i], u[VR, i], u[VI, i], p[RA, i], p[X2, i]
-        )
-        i_d = i_r * y[SIN, i] - i_i * y[COS, i]
-        y[IR, i], y[II, i] = i_r, i_i
-        y[ID, i], y[IQ, i] = i_d, i_r * y[COS, i] + i_i * y[SIN, i]
-        error = x[PSI_1D, i] + (p[XD1, i] - p[XL, i]) * i_d - x[EQ1, i]
-        armature = induced(i_d, error, p[XD, i], p[XD1, i], p[X2, i], p[XL, i])
-        saturated = quadratic_saturation(x[EQ1, i], 1.0, p[S10, i], 1.2, p[S12, i])
-        y[IFD, i] = x[EQ1, i] + armature + saturated
+        excess = quadratic_saturation(x[EQ1, i], 1.0, p[S10, i], 1.2, p[S12, i])
+        stator_outputs(x, u, p, y, i, excess)
 
 
 def derivative(x, u, p, y, dx):
     """Swing equation, field and dampers."""
     for i in range(x.shape[1]):
-        i_d, i_q = y[ID, i], y[IQ, i]
-        torque = y[PSI_D, i] * i_q - x[PSI_Q, i] * i_d
-        dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
-        dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
-        dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
-        dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]
-        dx[PSI_Q, i] = (-x[PSI_Q, i] - (p[XQ, i] - p[X2, i]) * i_q) / p[TQ2, i]
+        rotor_rates(x, u, p, y, dx, i, 0.0 * x[PSI_Q, i])
 
 
 def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:

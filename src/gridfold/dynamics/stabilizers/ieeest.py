@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 
 from numba import njit
 
-from gridfold.dynamics.blocks import clip, lead_lag, washout
+from gridfold.dynamics.blocks import clip, lead_lag, pole_pair, washout
 from gridfold.dynamics.device import Bound, Device, Parameter, Role, Scaling, limits
 
 (
@@ -81,23 +81,11 @@ def cut_off(signal, voltage, lower, upper):
 
 
 @njit
-def _poles(v, dv, ddv, a1, a2, x, slope):
-    """One pair of poles, w = v / (1 + a1 s + a2 s^2): w, w', w'', then both states' derivatives."""
-    if a2.real > 0:
-        ddw = (v - x - a1 * slope) / a2
-        return x, slope, ddw, slope, ddw
-    if a1.real > 0:
-        dw = (v - x) / a1
-        return x, dw, (dv - dw) / a1, dw, -slope
-    return v, dv, ddv, v - x, -slope
-
-
-@njit
 def _filter(u, a1, a2, a3, a4, a5, a6, x_1, slope_1, x_2, slope_2):
     """Output of the filter, then the derivatives of its four states."""
     none = 0.0 * u
-    v, dv, ddv, d_x_2, d_slope_2 = _poles(u, none, none, a3, a4, x_2, slope_2)
-    w, dw, ddw, d_x_1, d_slope_1 = _poles(v, dv, ddv, a1, a2, x_1, slope_1)
+    v, dv, ddv, d_x_2, d_slope_2 = pole_pair(u, none, none, a3, a4, x_2, slope_2)
+    w, dw, ddw, d_x_1, d_slope_1 = pole_pair(v, dv, ddv, a1, a2, x_1, slope_1)
     return w + a5 * dw + a6 * ddw, d_x_1, d_slope_1, d_x_2, d_slope_2
 
 
