@@ -37,15 +37,14 @@ def test_there_is_a_swing_after_a_fault_at_each_boundary_bus_halved_until_it_is_
 
 def test_no_more_than_four_faults_are_sampled_spread_over_the_boundary():
     def chosen(*buses):
-        return swings._spread(SimpleNamespace(boundary_buses=buses))
+        return [fault.bus for fault in swings.sample_faults(SimpleNamespace(boundary_buses=buses))]
 
     assert chosen(3, 5, 8) == [3, 5, 8]
     assert chosen(*range(10, 17)) == [10, 12, 14, 16]
 
 
-def test_the_last_try_counts_even_if_synchronism_is_lost(npcc_parts, monkeypatch):
-    monkeypatch.setattr(swings, "FAULT_SECONDS", 16.0)
-    found = swings._boundary_swing(npcc_parts, 29, 20.0, None)
+def test_the_last_try_counts_even_if_synchronism_is_lost(npcc_parts):
+    found = swings._boundary_swing(npcc_parts, gf.BusFault(29, duration=16.0), 20.0, None)
     assert found.status is gf.Status.LOST_SYNCHRONISM
     assert found.events[0].duration == 1.0
 

@@ -88,3 +88,10 @@ def test_an_unstable_outcome_is_the_detailed_model_s(npcc, ladder) -> None:
 def test_a_tolerance_that_is_none_is_refused(ladder, wrong) -> None:
     with pytest.raises(gf.OptionError, match="a tolerance is 0 degrees or more"):
         TolerantModel(ladder, wrong)
+
+
+def test_rungs_that_miss_the_tolerance_after_all_sample_faults_are_not_tried(npcc, ladder) -> None:
+    tight = TolerantModel(ladder, 1e-4)
+    assert not tight.rules
+    found = tight.run(npcc, DISTURBANCES["short"], 1.0)
+    assert [attempt.mode for attempt in found.attempts] == [Mode.DETAILED]

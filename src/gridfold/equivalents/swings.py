@@ -57,7 +57,7 @@ def sample_swings(
         There is no sample: the network is intact at no time after an event.
     """
     if events is None:
-        runs = [_boundary_swing(parts, bus, t_end, stepper) for bus in _spread(parts)]
+        runs = [_boundary_swing(parts, fault, t_end, stepper) for fault in sample_faults(parts)]
     else:
         runs = [simulate(parts.model, swing, t_end, stepper) for swing in events]
     samples = tuple(states for run in runs for states in _swinging(run))
@@ -84,18 +84,17 @@ def port_swings(area: PortArea, parts: Partition, swings: Swings) -> NDArray[np.
     return np.asarray((vectors * np.maximum(sizes, FLOOR * sizes.max())) @ vectors.T)
 
 
-def _spread(parts: Partition) -> list[int]:
-    """Up to four boundary buses, spread over all of them."""
+def sample_faults(parts: Partition) -> list[BusFault]:
+    """Faults at up to four boundary buses, spread over all of them."""
     buses = parts.boundary_buses
     chosen = np.linspace(0, len(buses) - 1, min(len(buses), MOST_FAULTS))
-    return [buses[k] for k in chosen.round().astype(int)]
+    return [BusFault(buses[k], duration=FAULT_SECONDS) for k in chosen.round().astype(int)]
 
 
 def _boundary_swing(
-    parts: Partition, bus: int, t_end: float, stepper: Stepper | None
+    parts: Partition, fault: BusFault, t_end: float, stepper: Stepper | None
 ) -> Trajectory:
     """The swing after a fault; the last try counts even if synchronism is lost."""
-    fault = BusFault(bus, duration=FAULT_SECONDS)
     run = simulate(parts.model, [fault], t_end, stepper)
     for _ in range(_HALVED):
         if run.status is Status.COMPLETED or fault.duration / 2 < run.stepper.step:

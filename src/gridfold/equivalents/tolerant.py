@@ -19,10 +19,12 @@ from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
 from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
+from gridfold.partition import Partition
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
@@ -41,8 +43,8 @@ class TolerantModel:
         The models; without a rung that is cheaper than the detailed one all runs are detailed.
     tolerance_deg : float
         Root mean square error of the worst rotor angle of the study area against the centre of
-        inertia, in degrees; 0 makes all runs detailed.
-
+        inertia, in degrees; 0 makes all runs detailed. Rungs that miss it in all runs after faults at
+        a few boundary buses are not tried.
     most : int, optional
         Other topologies of which models are kept, the last used; all of them by default.
 
@@ -59,6 +61,7 @@ class TolerantModel:
         self.small = SmallModels(ladder, most)
         self.rules = tuple(_rules(ladder)) if tolerance_deg > 0 else ()
         self.estimator = ErrorEstimator(ladder.parts, most=most) if self.rules else None
+        self.rules = tuple(rule for rule in self.rules if self._fits_a_sample(rule, ladder.parts))
 
     def run(
         self,
@@ -84,6 +87,11 @@ class TolerantModel:
         modes = (Mode.DETAILED,) * len(detailed.run.pieces)
         attempts.append(Attempt(Mode.DETAILED, 0.0))
         return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts))
+
+    def _fits_a_sample(self, rule: SwitchingRule, parts: Partition) -> bool:
+        """Whether a rung keeps the tolerance after one of the sample faults; else it is not tried."""
+        runs = (simulate_adaptive(parts.model, self.small, rule, [f]) for f in sample_faults(parts))
+        return any(self._judge(run).refused is None for run in runs)
 
     def _judge(self, run: AdaptiveRun) -> Attempt:
         order = list(Mode)
