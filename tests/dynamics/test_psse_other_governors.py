@@ -1,4 +1,4 @@
-"""Governors DEGOV, DEGOV1, IEEEG3, IEESGO and PIDGOV: start, transfer functions, limits."""
+"""Governors DEGOV, DEGOV1, HYGOVD, IEEEG3, IEESGO and PIDGOV: start, transfer functions, limits."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ from gridfold.dynamics.registry import DEVICES
 RECORDS = {
     "degov": (0.1, 0.05, 0.2, 8.0, 0.3, 0.04, 0.06, 0.04, 1.1, 0.0),
     "degov1": (0, 0.1, 0.05, 0.2, 8.0, 0.3, 0.04, 0.06, 0.04, 1.1, 0.0, 0.05, 0.4),
+    "hygovd": (
+        0.05, 0.4, 6.0, 0.05, 0.3, 0.15, 1.2, 0.0, 1.4, 1.15, 0.5, 0.08, 0.0006, -0.0004, 0.0,
+    ),
     "ieeeg3": (0.3, 0.04, 0.2, -0.15, 1.1, 0.0, 0.05, 0.3, 5.0, 1.2, 0.55, 1.05, 1.4, 1.1),
     "ieesgo": (0.2, 0.1, 0.5, 0.12, 5.0, 0.5, 20.0, 0.59, 0.43, 1.1, 0.0),
     "pidgov": (
@@ -95,6 +98,8 @@ def expected_gain(model: str, s: complex, governor: Alone) -> complex:
         droop = 0.05 if model == "degov1" else 0.0
         throttle = -diesel(s) / (1 + droop * diesel(s))
         return pade(s, 0.04) * throttle + at_start["mechanical_power"]
+    if model == "hygovd":
+        return -0.5 * (0.8 / 1.15 + 0.08)  # within the dead band the turbine damps, and no more
     if model == "ieeeg3":
         servo = lag(s, 0.04) / (0.3 * s)
         gate = -servo / (1 + servo * (0.05 + 0.3 * 5.0 * s * lag(s, 5.0)))
@@ -168,6 +173,33 @@ def test_gate_of_ieeeg3_moves_no_faster_than_its_rates_and_stays_in_its_range():
         assert gates[-1] == pytest.approx(end, abs=1e-2)
 
 
+def hygov_gate(s: complex) -> complex:
+    """From the speed that the governor sees to the desired gate."""
+    regulator = lag(s, 0.05) * (1 + 6.0 * s) / (0.4 * 6.0 * s)
+    return -regulator / (1 + 0.05 * regulator)
+
+
+@pytest.mark.parametrize(("slip", "edge"), [(0.002, 0.0006), (-0.002, -0.0004)])
+@pytest.mark.parametrize("below", [-0.0004, 0.0004])
+def test_hygovd_acts_on_the_speed_beyond_its_dead_band_whatever_the_sign_of_dbl(slip, edge, below):
+    governor = alone("hygovd", dead_band_below=below)
+    u = governor.inputs(speed=slip)
+    assert governor.rates(governor.x, u)["speed_filter"] == pytest.approx((edge - slip) / 0.05)
+    within = governor.inputs(speed=0.9 * edge)
+    assert max(map(abs, governor.rates(governor.x, within).values())) < 1e-9
+    beyond = Alone(governor.device, governor.x, u, governor.p)
+    for s in FREQUENCIES:
+        assert beyond.gain("speed", s, "desired_gate") == pytest.approx(hygov_gate(s), rel=1e-9)
+
+
+def test_gate_of_hygovd_is_in_per_unit_of_the_rating_of_the_turbine():
+    gates = [
+        alone("hygovd", turbine_rating=rating).x[1, 0] - 0.08 for rating in (0.0, 100.0, 160.0)
+    ]
+    assert gates[0] == pytest.approx(gates[1], rel=1e-12)
+    assert gates[2] == pytest.approx(gates[0] / 1.6, rel=1e-12)
+
+
 def test_water_first_turns_the_power_of_pidgov_the_wrong_way():
     governor = alone("pidgov", turbine_damping=0.0)
     u = governor.inputs(speed=-0.01)
@@ -217,6 +249,7 @@ def test_time_constants_of_zero_act_as_very_small_ones(model, zero):
         ("degov", {"actuator_time_1": 0.0, "actuator_time_2": 0.0}, "T4 has to be 0"),
         ("degov", {"lowest_throttle": 2.0}, "TMIN is above"),
         ("degov1", {"feedback_code": 2.0}, "M 2 is neither"),
+        ("hygovd", {"lowest_gate": 2.0}, "GMIN is above"),
         ("ieeeg3", {"closing_rate": 0.1}, "UC is positive"),
         ("ieeeg3", {"flow_by_head": 0.0}, "a11 is 0"),
         ("ieesgo", {"governor_lag_time": 0.0, "valve_time": 0.0}, "T2 has to be 0"),
@@ -232,4 +265,11 @@ def test_records_that_make_no_sense_are_refused(model, changes, fault):
 
 def test_records_have_the_length_of_the_psse_data_sheets():
     lengths = {model: len(DEVICES[model].psse_record) for model in RECORDS}
-    assert lengths == {"degov": 10, "degov1": 13, "ieeeg3": 14, "ieesgo": 11, "pidgov": 21}
+    assert lengths == {
+        "degov": 10,
+        "degov1": 13,
+        "hygovd": 15,
+        "ieeeg3": 14,
+        "ieesgo": 11,
+        "pidgov": 21,
+    }

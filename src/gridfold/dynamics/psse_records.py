@@ -398,7 +398,7 @@ class _Units:
         self.origins[str(made)] = f"{self.records.file}:{record.line}"
         acting = device.acting(parameters, self.generators[record.key].base_mva)
         for parameter in device.parameters:
-            given = parameters.get(parameter.name, parameter.default)
+            given = parameters.get(parameter.name)
             if given is not None and acting[parameter.name] != given:
                 self.resolved.setdefault((record.model, parameter.symbol), []).append(record)
 

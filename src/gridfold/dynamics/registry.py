@@ -33,6 +33,7 @@ from gridfold.dynamics.governors.first_order import FIRST_ORDER_GOVERNOR
 from gridfold.dynamics.governors.gast import GAST
 from gridfold.dynamics.governors.ggov1 import GGOV1
 from gridfold.dynamics.governors.hygov import HYGOV
+from gridfold.dynamics.governors.hygovd import HYGOVD
 from gridfold.dynamics.governors.ieeeg1 import IEEEG1
 from gridfold.dynamics.governors.ieeeg3 import IEEEG3
 from gridfold.dynamics.governors.ieesgo import IEESGO
@@ -94,6 +95,7 @@ _ALL = (
     GAST,
     GGOV1,
     HYGOV,
+    HYGOVD,
     IEEEG1,
     IEEEG3,
     IEESGO,

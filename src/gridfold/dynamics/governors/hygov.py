@@ -58,7 +58,7 @@ DYR_COLUMNS: tuple[str | None, ...] = (
 
 
 @njit
-def _head(flow, gate):
+def head_at(flow, gate):
     """Head (q / g)^2; a gate that is almost closed counts as 0.01 p.u."""
     if gate.real < SMALLEST_GATE:
         return (flow / SMALLEST_GATE) ** 2
@@ -69,7 +69,7 @@ def output(x, u, p, y, dx):
     """Mechanical power on the system base."""
     for i in range(x.shape[1]):
         gate, _ = lag(clip(x[DESIRED, i], p[GMIN, i], p[GMAX, i]), x[GATE, i], p[TG, i])
-        head = _head(x[FLOW, i], gate)
+        head = head_at(x[FLOW, i], gate)
         power = p[AT, i] * head * (x[FLOW, i] - p[QNL, i])
         y[PM, i] = p[POWER_BASE, i] * (power - p[DTURB, i] * gate * (u[OMEGA, i] - 1))
 
@@ -84,7 +84,7 @@ def derivative(x, u, p, y, dx):
         rate = clip(wanted, -p[VELM, i], p[VELM, i])
         dx[DESIRED, i] = held(rate, x[DESIRED, i], p[GMIN, i], p[GMAX, i])
         gate, dx[GATE, i] = lag(desired, x[GATE, i], p[TG, i])
-        dx[FLOW, i] = (1 - _head(x[FLOW, i], gate)) / p[TW, i]
+        dx[FLOW, i] = (1 - head_at(x[FLOW, i], gate)) / p[TW, i]
 
 
 def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
