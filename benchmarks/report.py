@@ -84,7 +84,7 @@ class Section:
     @property
     def command(self) -> str:
         """The command that repeats it."""
-        return f"python benchmarks/{self.script}"
+        return f"python benchmarks/{self.script}" if self.script.endswith(".py") else self.script
 
     def __str__(self) -> str:
         parts = [f"## {self.title}", f"`{self.command}`", *map(str, self.tables)]

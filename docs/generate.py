@@ -44,6 +44,7 @@ MADE_ELSEWHERE = {
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
     "low_rank": ("make bench-low-rank", 2),
+    "tolerances": ("python benchmarks/tolerances.py", 3),
     "studies": ("python benchmarks/studies.py", 3),
     "fuzz": ("make fuzz", 3),
     "matrix": ("make test-matrix", 3),
