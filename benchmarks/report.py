@@ -84,7 +84,8 @@ class Section:
     @property
     def command(self) -> str:
         """The command that repeats it."""
-        return f"python benchmarks/{self.script}" if self.script.endswith(".py") else self.script
+        made = self.script.startswith("make ")
+        return self.script if made else f"python benchmarks/{self.script}"
 
     def __str__(self) -> str:
         parts = [f"## {self.title}", f"`{self.command}`", *map(str, self.tables)]
