@@ -42,15 +42,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.io import loadmat
 
-from gridfold.ceilings import size_text
 from gridfold.errors import CaseFileError
 from gridfold.grid.case import (
     Branch,
@@ -67,9 +63,7 @@ from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_draft import Draft, islands_without_slack, without_buses
 from gridfold.io.input_files import read_content
-from gridfold.io.mat_sizes import variables, without
-
-Table = NDArray[np.float64]
+from gridfold.io.mat_files import Table, read_tables
 
 #: Fewest columns of each table.
 _NETWORK = {"bus": 11, "gen": 8, "branch": 11}
@@ -164,42 +158,31 @@ def _negative_loads(case: Case) -> tuple[Replacement, ...]:
 
 def _read_tables(path: Path) -> tuple[dict[str, Table], float]:
     """All tables by name, and the base of the system in MVA."""
-    data = read_content(path, _LONGEST)
-    wanted = ("mpc", *_DYNAMICS)
-    there = list(variables(data))
-    for name, size, _ in there:
-        if name in wanted and size > _LARGEST:
-            most = size_text(_LARGEST)
-            fault = f"{name} would take {size_text(size)} of memory, more than {most}"
-            raise CaseFileError(fault, str(path))
-    data = without(data, (item for item in there if item.name not in wanted))
     try:
-        content = loadmat(BytesIO(data), variable_names=wanted)
-    except NotImplementedError:
-        fault = "it has the format of MATLAB 7.3; save it with the option -v7"
-        raise CaseFileError(fault, str(path)) from None
-    except Exception as error:  # of a damaged file SciPy raises errors of many kinds
-        reason = getattr(error, "strerror", None) or error
-        raise CaseFileError(f"cannot be read: {reason}", str(path)) from None
-    network = content.get("mpc")
-    names = getattr(getattr(network, "dtype", None), "names", None) or ()
+        content = read_tables(read_content(path, _LONGEST), ("mpc", *_DYNAMICS), _LARGEST)
+    except ValueError as error:
+        raise CaseFileError(f"cannot be read: {error}", str(path)) from None
     faults = []
-    if network is None:
+    network = content.get("mpc")
+    if "mpc" not in content:
         faults.append("the variable mpc is missing")
-    elif not names or network.size != 1:
+    elif not isinstance(network, Mapping):
         faults.append("mpc is not a structure")
-    fields = {name: network.flat[0][name] for name in names} if not faults else {}
+    fields = network if isinstance(network, Mapping) else {}
     tables = {}
     for name, columns in {**_NETWORK, **_DYNAMICS}.items():
         inside = name in _NETWORK
         if inside and not fields:
             continue
         label, source = (f"mpc.{name}", fields) if inside else (name, content)
-        value = source.get(name)
+        if name not in source:
+            faults.append(f"{'' if inside else 'the variable '}{label} is missing")
+            continue
+        value = source[name]
         if fault := _shape_fault(value, columns):
             faults.append(f"{'' if inside else 'the variable '}{label} {fault}")
-        else:
-            tables[label] = np.asarray(value, dtype=float)
+        elif isinstance(value, np.ndarray):
+            tables[label] = value
     base = _scalar(fields.get("baseMVA"))
     if fields and base is None:
         faults.append("mpc.baseMVA is not a number")
@@ -210,9 +193,7 @@ def _read_tables(path: Path) -> tuple[dict[str, Table], float]:
 
 def _shape_fault(value: Any, columns: int) -> str:
     """What is wrong with a table; nothing if it can be used."""
-    if value is None:
-        return "is missing"
-    if not (isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "biuf"):
+    if not (isinstance(value, np.ndarray) and value.ndim == 2):
         return "is not a table of real numbers"
     if len(value) == 0 or value.shape[1] < columns:
         return (
@@ -223,7 +204,7 @@ def _shape_fault(value: Any, columns: int) -> str:
 
 
 def _scalar(value: Any) -> float | None:
-    usable = isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "biuf"
+    usable = isinstance(value, np.ndarray) and value.size == 1
     return float(value.flat[0]) if usable else None
 
 

@@ -78,16 +78,19 @@ def check_codes(sections: RawSections, revision: int, file: str) -> RawCodes:
                     found.faults.append(
                         f"line {number}: {name} of a {section.lower()} is {text}; its codes are {known}"
                     )
-    slack = {bus["I"] for _, bus in _records(sections, "BUS", revision) if bus.get("IDE") == "3"}
+    slack = {
+        bus.get("I") for _, bus in _records(sections, "BUS", revision) if bus.get("IDE") == "3"
+    }
     for number, unit in _records(sections, "GENERATOR", revision):
-        name = f"generator {unit['I']}:{unit.get('ID', '1')}"
+        bus = unit.get("I", "")
+        name = f"generator {bus}:{unit.get('ID', '1')}"
         base = as_number(unit.get("MBASE", ""))
         if base is not None and base < 0:
             found.faults.append(
                 f"line {number}: MBASE of {name} is {base:g}; it must be positive, or blank for SBASE"
             )
         if unit.get("STAT") == "1":
-            limits = () if unit["I"] in slack else _beyond_limits(unit)
+            limits = () if bus in slack else _beyond_limits(unit)
             told = [*([(BASE.name, "MBASE is 0; SBASE is taken")] if base == 0 else ()), *limits]
             found.doubts += doubt_of(name, f"{file}:{number}", told)
     return found
@@ -117,4 +120,4 @@ def _beyond_limits(unit: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 def _whole(text: str) -> str:
     """A code as a whole number, which some writers give as ``1.0``."""
     value = as_number(text)
-    return str(int(value)) if value is not None and value == int(value) else text
+    return f"{value:.0f}" if value is not None and value.is_integer() else text

@@ -108,7 +108,8 @@ def _vertex_cut(joined: csr_array, near: set[int], far: set[int]) -> NDArray[np.
     columns = np.concatenate([n + every, end, near_at, np.full(len(far_at), sink)])
     capacity = np.full(len(rows), n, dtype=np.int32)
     capacity[:n] = 1
-    graph = csr_array((capacity, (rows, columns)), (2 * n + 2, 2 * n + 2))
+    places = rows.astype(np.int32), columns.astype(np.int32)
+    graph = csr_array((capacity, places), (2 * n + 2, 2 * n + 2))
     flow = maximum_flow(graph, source, sink).flow
     residual = csr_array(graph - flow)
     residual.data[residual.data < 0] = 0

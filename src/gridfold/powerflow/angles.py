@@ -54,7 +54,9 @@ class ShiftedBranches:
         low, high = np.minimum(self.first, self.second), np.maximum(self.first, self.second)
         _, strongest = np.unique((low * n + high)[by_impedance], return_index=True)
         kept = by_impedance[strongest]
-        graph = coo_array((self.impedance[kept], (low[kept], high[kept])), shape=(n, n)).tocsr()
+        # SciPy before 1.17 searches trees by places of 32 bits alone.
+        ends = low[kept].astype(np.int32), high[kept].astype(np.int32)
+        graph = coo_array((self.impedance[kept], ends), shape=(n, n)).tocsr()
         tree = minimum_spanning_tree(graph)
         lead = np.where(self.first < self.second, self.shift, -self.shift)[kept]
         step = dict(
