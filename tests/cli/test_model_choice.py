@@ -101,7 +101,11 @@ def test_clearing_times_are_sought_on_the_model_chosen(command, long_steps, monk
     ("options", "retain", "reduction"),
     [
         (("--retain", 2), RetainSettings(count=2), ReductionSettings()),
-        (("--retain-buses", "50,78"), RetainSettings(buses=(50, 78)), ReductionSettings()),
+        (
+            ("--retain-buses", "50,78"),
+            RetainSettings(buses=(range(50, 51), range(78, 79))),
+            ReductionSettings(),
+        ),
         (("--column-norm", 3), RetainSettings(3.0), ReductionSettings()),
         (
             ("--weights", "states", "--order", 40),

@@ -74,7 +74,7 @@ CALLS: dict[str, Callable[..., object]] = {
         family, gf.SwitchingRule(0.0), [FAULT], 0.12, **way
     ),
     "calibrate": lambda parts, family, **way: gf.calibrate(
-        parts, [FAULT], 0.3, what=[ThresholdKind.COLUMN_NORM], limit_deg=1e3, workers=1, **way
+        parts, [FAULT], 0.6, what=[ThresholdKind.COLUMN_NORM], limit_deg=1e3, workers=1, **way
     ),
 }
 

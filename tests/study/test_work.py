@@ -116,7 +116,7 @@ def test_what_failed_keeps_its_row_until_there_is_a_new_one(tmp_path: Path):
 
 
 def test_an_interrupt_among_suspects_writes_none_of_them(tmp_path: Path):
-    stop, pool = Event(), Pool({1})
+    stop, pool = Event(), Pool({1}, seconds=0.2)  # all are in flight when the first one lands
 
     def submit(batch: Batch) -> Solving:
         seen.append(batch)

@@ -176,7 +176,7 @@ def _arrays(family: ReducedExternal) -> dict[str, NDArray[Any]]:
     arrays = {
         "x0": family.origin,
         "u0": area.input_reference,
-        "state_names": np.array(family.parts.model.state_names),
+        "state_names": np.array(family.parts.model.state_names, dtype=np.str_),
         "drift": area.drift,
         "area_a": area.a,
         "area_b": area.b,
