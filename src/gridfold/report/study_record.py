@@ -63,7 +63,7 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
         "kind": about["settings"]["model"],
         "counts": _counts(frame, len(listed)),
         "finished": "last_run" in about and len(frame) == len(listed),
-        "accuracy": _accuracy(frame, about),
+        "accuracy": _accuracy(frame, about) | {"tolerance": facts.get("Tolerance")},
         "warnings": _warnings(about),
         "map": _map(about),
         "fields": list(frame.columns),

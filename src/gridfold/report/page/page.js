@@ -96,11 +96,12 @@ function header() {
 
 function evidence() {
   const accuracy = record.accuracy;
+  const tolerance = accuracy.tolerance ? ` Tolerance: ${accuracy.tolerance}.` : "";
   if (record.kind === "detailed") return "Accuracy: all runs are of the detailed model; nothing is reduced.";
   if (!accuracy.checked) {
     return accuracy.asked
       ? "Accuracy: none of the contingencies to be checked against the detailed model has a result yet."
-      : "Accuracy: no contingency was checked against the detailed model, so the error is not known.";
+      : "Accuracy: no contingency was checked against the detailed model, so the error is not known." + tolerance;
   }
   const words = [`Accuracy: ${accuracy.checked} of ${many(record.counts.total, "contingency").replace(
     /contingencys$/, "contingencies")} were run again with the detailed model.`];
@@ -114,7 +115,7 @@ function evidence() {
       + (accuracy.compared < accuracy.checked
         ? `; ${accuracy.checked - accuracy.compared} ended at another time and have no error.` : "."));
   }
-  return words.join(" ");
+  return words.join(" ") + tolerance;
 }
 const degrees = value => value !== 0 && value < 0.01 ? "less than 0.01°" : `${value.toFixed(2)}°`;
 
