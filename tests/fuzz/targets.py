@@ -122,6 +122,15 @@ def _read_folder(path: Path) -> None:
     gf.simulate(gf.build_model(gf.load_case(folder)), [gf.BusFault(3)], 0.3)
 
 
+class _Folder(Target):
+    def warm_up(self, seed: int) -> None:
+        """Compile the implicit rule besides, which stiff data need."""
+        super().warm_up(seed)
+        with tempfile.TemporaryDirectory() as scratch:
+            model = gf.build_model(gf.load_case(write_small_case(Path(scratch))))
+            gf.simulate(model, [gf.BusFault(3)], 0.3, gf.ImplicitTrapezoidal())
+
+
 _EVENTS = """[[event]]
 kind = "bus-fault"
 bus = 3
@@ -333,7 +342,7 @@ TARGETS: dict[str, Target] = {
         Target("dyr", _files(_DYR / "*.dyr"), _read_dyr, beside=_first_raw),
         Target("matpower", _files(_RAW / "*.m"), _read_raw),
         Target("mat", _mat, gf.load_case, text=False),
-        Target("folder", lambda: tuple(_small_case().items()), _read_folder, beside=_small_case),
+        _Folder("folder", lambda: tuple(_small_case().items()), _read_folder, beside=_small_case),
         Target(
             "events",
             lambda: (("events.toml", _EVENTS.encode()),),

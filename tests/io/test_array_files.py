@@ -131,7 +131,8 @@ def test_sizes_that_are_wrong_in_head_and_directory_take_no_memory(tmp_path):
     struct.pack_into("<I", content, entry + 24, true + 2 * 200_000_000 * 8)
     struct.pack_into("<I", content, entry + 20, 2**31)
     path.write_bytes(content)
-    assert faults(path)[0].startswith("a has 3200000000 bytes by its head")
+    # Python 3.13 sees the lie in the directory itself.
+    assert faults(path)[0].startswith(("a has 3200000000 bytes by its head", "this is not a NumPy"))
 
 
 def test_an_array_that_is_small_when_compressed_and_too_large_is_not_read(tmp_path):

@@ -13,6 +13,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from gridfold.dynamics.jacobian import Partials
 from gridfold.dynamics.layout import Layout
+from gridfold.errors import InitializationError
 from gridfold.numerics.blas import one_blas_thread
 
 #: How many of the fastest modes are looked at.
@@ -79,6 +80,13 @@ def find_fast_modes(
     """
     if layout.n_states == 0:
         return FastModes()
+    strange = np.flatnonzero(~np.isfinite(partials.states.sum(axis=1)))
+    if len(strange):
+        name, _, unit = layout.state_names[strange[0]].partition(":")
+        raise InitializationError(
+            f"unit {unit}: how {name} changes with the states has no finite value at the start; a "
+            "parameter is too small or too large"
+        )
     jacobian = _Jacobian(partials, network)
     values, left, right = jacobian.largest(min(count, layout.n_states))
     factors = np.abs(left.conj() * right)

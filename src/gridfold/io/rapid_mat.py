@@ -172,7 +172,7 @@ def _read_tables(path: Path) -> tuple[dict[str, Table], float]:
     tables = {}
     for name, columns in {**_NETWORK, **_DYNAMICS}.items():
         inside = name in _NETWORK
-        if inside and not fields:
+        if inside and not isinstance(network, Mapping):
             continue
         label, source = (f"mpc.{name}", fields) if inside else (name, content)
         if name not in source:

@@ -18,6 +18,7 @@ from gridfold.paper.published import SOURCE, TABLE_1
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.study_file_text import study_file_text
 from gridfold.report.study_tables import study_facts
+from gridfold.study.summary import column_types
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +55,9 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
         :func:`packed`.
     """
     about = store.require("study", "settings", "case", "fingerprint", "gridfold", "map", "checked")
-    frame, listed = ranked(store.frame()), store.contingencies()
+    found, listed = store.frame(), store.contingencies()
+    # A damaged store may lack a column.
+    frame = ranked(found.assign(**{name: None for name in column_types() if name not in found}))
     facts = study_facts(store)
     return {
         "study": about["study"]["name"],
