@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
 from gridfold.io.raw_layouts import Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
+from gridfold.io.raw_windings import refer_to_buses
 
 _HEADER = {"IC": "0", "SBASE": "100.0", "REV": "33", "XFRRAT": "0", "NXFRAT": "0", "BASFRQ": "60.0"}
 _UNITS = {"SBASE": "MVA", "BASFRQ": "Hz"}
@@ -110,7 +111,8 @@ class _Writer:
         parts = [self._split(number) for number in record]
         if None in parts:
             return
-        values: dict[str, str] = {}
+        written: list[dict[str, str]] = []
+        rests: list[list[str]] = []
         blanks: set[str] = set()
         lines = zip(record, self.layouts[section], parts, strict=False)
         for k, (number, layout, part) in enumerate(lines):
@@ -122,10 +124,13 @@ class _Writer:
                     what = f"{column.name} of {_WHAT[section]} is blank, and it has no default"
                     self.done.faults.append(f"line {number}: {what}")
             defaults = {Base.SYSTEM: self.base_mva, Base.WINDING: self._ratio(parts[0] or [], k)}
-            completed = {c.name: _complete(c, given[c], defaults) for c in layout}
-            values |= completed
-            rest = [_number(item) for item in fields[len(layout) :]]
+            written.append({c.name: _complete(c, given[c], defaults) for c in layout})
+            rests.append([_number(item) for item in fields[len(layout) :]])
+        if section in ("TRANSFORMER", THREE_WINDING):
+            refer_to_buses(written, self.kilovolts)
+        for number, completed, rest in zip(record, written, rests, strict=False):
             self.lines[number - 1] = ",".join([*completed.values(), *rest])
+        values = {name: text for completed in written for name, text in completed.items()}
         self._remember(section, values, blanks)
 
     def _ratio(self, first: Sequence[Field], line: int) -> str:
