@@ -206,7 +206,7 @@ def test_transformers_by_the_physical_two_port_of_their_windings():
     expected = {
         "P": (1.05 * np.exp(-1j * np.pi / 6), 0.95, complex(0.002, 0.12), 0),
         "K": (241.5 / 230, 112.7 / 115, complex(0.005, 0.06) * 2, complex(0.001, -0.02)),
-        "L": (1.02 * 220 / 230, 0.98, complex(power_loss, reactance) * 2, 0),
+        "L": (1.02 * 220 / 230, 0.98, complex(power_loss, reactance) * 2 * (220 / 230) ** 2, 0),
     }
     assert case.branches[2].shift_deg == -30.0
     for branch in case.branches[2:]:

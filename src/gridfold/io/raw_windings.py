@@ -1,9 +1,9 @@
 """Impedances of transformers that are given on the nominal voltages of their windings.
 
 With CZ = 2 or 3 an impedance is in per unit of the nominal voltage NOMV of a winding: of the first for
-the pair 1-2, of the second for 2-3, of the third for 3-1. Where NOMV is given and is not the base voltage
-of the winding's bus, per unit of the bus is something else, by the square of the ratio. powerio takes it
-for the same. PSS/E Program Operation Manual, transformer data.
+the pair 1-2, of the second for 2-3, of the third for 3-1. Where NOMV is given and is not the base
+voltage of the winding's bus, per unit of the bus is something else, by the square of the ratio. powerio
+takes it for the same. PSS/E Program Operation Manual, transformer data.
 """
 
 from __future__ import annotations
