@@ -3,7 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from raw_texts import LINES, TRANSFORMERS, raw_text
 
+import gridfold as gf
 from gridfold.io.raw_fields import INNER_QUOTE, Field, plain_number, split_fields
 
 
@@ -92,3 +94,20 @@ def test_anything_else_stays_as_it_is(text):
 def test_fields_of_commas_are_those_of_a_split_at_commas(values):
     found = texts(",".join(values))
     assert found == (values if values[-1] else values[:-1])
+
+
+@pytest.mark.parametrize(
+    ("section", "signed"),
+    [
+        ("BRANCH", ("3,-4,'1',0.01,0.08,0.04", *LINES[1:])),
+        ("BRANCH", ("-3,4,'1',0.01,0.08,0.04", *LINES[1:])),
+        ("TRANSFORMER", ("1,-3,0,'1',1,1,1,0.0,0.0,2,'XF1-3',1", *TRANSFORMERS[1:])),
+        ("TRANSFORMER", ("-1,3,0,'1',1,1,1,0.0,0.0,2,'XF1-3',1", *TRANSFORMERS[1:])),
+    ],
+)
+def test_a_minus_before_a_bus_number_is_the_metered_end(section, signed, tmp_path):
+    plain, other = tmp_path / "plain.raw", tmp_path / "signed.raw"
+    plain.write_text(raw_text(), encoding="utf-8")
+    other.write_text(raw_text({section: signed}), encoding="utf-8")
+    branches = [gf.load_case(path).branches for path in (plain, other)]
+    assert branches[0] == branches[1]

@@ -30,6 +30,9 @@ _WHAT = {
     "SWITCHED SHUNT": "a switched shunt",
 }
 _IN_KILOVOLTS = "2"  # CW
+#: Records of branches, in which a minus before a bus number says where power is metered.
+_METERED = ("BRANCH", "TRANSFORMER", THREE_WINDING, "SYSTEM SWITCHING DEVICE")
+_ENDS = {"I", "J", "K"}
 
 
 @dataclass
@@ -126,6 +129,9 @@ class _Writer:
             defaults = {Base.SYSTEM: self.base_mva, Base.WINDING: self._ratio(parts[0] or [], k)}
             written.append({c.name: _complete(c, given[c], defaults) for c in layout})
             rests.append([_number(item) for item in fields[len(layout) :]])
+        if section in _METERED:
+            for end in _ENDS & written[0].keys():
+                written[0][end] = written[0][end].removeprefix("-")
         if section in ("TRANSFORMER", THREE_WINDING):
             refer_to_buses(written, self.kilovolts)
         for number, completed, rest in zip(record, written, rests, strict=False):
