@@ -10,6 +10,7 @@ import pytest
 from cases import one_machine_infinite_bus
 
 import gridfold as gf
+from gridfold.dynamics.fast_modes import find_fast_modes
 from gridfold.runs.method import Method, choose_stepper
 
 AMPLIFIER_TIME = 0.0008
@@ -196,3 +197,14 @@ def test_unknown_methods_and_steps_are_refused(npcc):
     for method in Method:
         with pytest.raises(gf.OptionError, match="time step"):
             choose_stepper(npcc, method, -1.0)
+
+
+def test_of_a_large_system_each_unit_is_looked_at_alone(stiff: gf.DetailedModel) -> None:
+    """At constant voltage the amplifier of NPCC's unit 23:1 is the fastest there too."""
+    found = find_fast_modes(stiff.partials(stiff.x0), None, stiff.layout)
+    exact = np.linalg.eigvals(stiff.partials(stiff.x0).states.toarray())
+    sizes = np.sort(np.abs(exact))[::-1]
+    assert abs(found.modes[0].eigenvalue) == pytest.approx(sizes[0], rel=1e-9)
+    assert abs(found.modes[0].eigenvalue) == pytest.approx(1 / AMPLIFIER_TIME, rel=0.01)
+    assert "ieee_type1 23:1" in str(found.modes[0])
+    assert found.swing_period == np.inf

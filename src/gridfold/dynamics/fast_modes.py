@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from gridfold.dynamics.jacobian import Partials
@@ -18,8 +19,14 @@ from gridfold.numerics.blas import one_blas_thread
 
 #: How many of the fastest modes are looked at.
 _COUNT = 6
-#: States below which all eigenvalues are computed, and accuracy and patience of the iteration above.
-_DENSE, _ACCURACY, _RESTARTS = 200, 1e-6, 100
+#: States below which all eigenvalues are computed.
+_DENSE = 200
+#: Accuracy, size of the basis and patience of the iteration above; the second row where eigenvalues lie
+#: so close together that the first does not end.
+_TRIES = ((1e-6, 20, 100), (1e-2, 40, 30))
+#: States up to which units are joined by the network; above, each is looked at alone, at constant
+#: voltage: what is fastest is at home in one unit.
+JOINED = 10_000
 #: Products with which the fastest swing is found, to a few percent.
 _PRODUCTS = 40
 
@@ -72,9 +79,11 @@ class FastModes:
 
 @one_blas_thread
 def find_fast_modes(
-    partials: Partials, network: NDArray[np.float64], layout: Layout, count: int = _COUNT
+    partials: Partials, network: NDArray[np.float64] | None, layout: Layout, count: int = _COUNT
 ) -> FastModes:
     """The fastest modes of a model from its slopes and those of its network.
+
+    Without a network (more than JOINED states) each unit is alone, and the fastest swing is not known.
 
     A pair of complex eigenvalues is one mode, and so are equal eigenvalues of the same state.
     """
@@ -87,8 +96,9 @@ def find_fast_modes(
             f"unit {unit}: how {name} changes with the states has no finite value at the start; a "
             "parameter is too small or too large"
         )
-    jacobian = _Jacobian(partials, network)
-    values, left, right = jacobian.largest(min(count, layout.n_states))
+    jacobian = None if network is None else _Jacobian(partials, network)
+    found = None if jacobian is None else jacobian.largest(min(count, layout.n_states))
+    values, left, right = found or _of_units(partials, count)
     factors = np.abs(left.conj() * right)
     homes = np.argmax(np.round(factors / np.maximum(factors.max(axis=0), 1e-300), 3), axis=0)
     devices = {
@@ -103,7 +113,23 @@ def find_fast_modes(
         value = complex(real, imag if imag > 1e-5 * abs(real) else 0.0)
         mode = Mode(value, layout.state_names[home], devices[home])
         modes.setdefault((f"{mode.eigenvalue:.4g}", mode.state), mode)
-    return FastModes(tuple(modes.values()), _swing_period(jacobian, layout))
+    period = math.inf if jacobian is None else _swing_period(jacobian, layout)
+    return FastModes(tuple(modes.values()), period)
+
+
+def _of_units(partials: Partials, count: int) -> _Eigen:
+    """The same as of the whole for units that do not see each other."""
+    _, member = connected_components(partials.states, directed=False)
+    order, n = np.argsort(member, kind="stable"), len(member)
+    found = []
+    for states in np.split(order, np.flatnonzero(np.diff(member[order])) + 1):
+        values, left, right = eig(partials.states[states][:, states].toarray(), left=True)
+        found += [(value, states, left[:, k], right[:, k]) for k, value in enumerate(values)]
+    found = sorted(found, key=lambda item: -abs(item[0]))[:count]
+    vectors = np.zeros((2, n, len(found)), dtype=np.complex128)
+    for k, (_, states, left, right) in enumerate(found):
+        vectors[0, states, k], vectors[1, states, k] = left, right
+    return np.array([item[0] for item in found]), vectors[0], vectors[1]
 
 
 def _swing_period(jacobian: _Jacobian, layout: Layout) -> float:
@@ -161,21 +187,26 @@ class _Jacobian:
             dtype=np.float64,
         )
 
-    def largest(self, count: int) -> _Eigen:
-        """Eigenvalues (k,) of largest magnitude, their left and right eigenvectors (n, k)."""
+    def largest(self, count: int) -> _Eigen | None:
+        """Eigenvalues (k,) of largest magnitude, their left and right eigenvectors (n, k).
+
+        None where the iteration does not find them.
+        """
         if self.partials.states.shape[0] >= _DENSE:
-            try:
-                return self._iterated(count)
-            except ArpackError:
-                pass
+            for accuracy, basis, restarts in _TRIES:
+                try:
+                    return self._iterated(count, accuracy, basis, restarts)
+                except ArpackError:
+                    continue
+            return None
         values, left, right = eig(self.partials.close(self.network), left=True, right=True)
         first = np.argsort(-np.abs(values), kind="stable")[:count]
         return values[first], left[:, first], right[:, first]
 
-    def _iterated(self, count: int) -> _Eigen:
+    def _iterated(self, count: int, accuracy: float, basis: int, restarts: int) -> _Eigen:
         """By Arnoldi's method with a fixed start."""
         start = np.random.default_rng(0).standard_normal(self.operator.shape[0])
-        options = {"k": count, "v0": start, "tol": _ACCURACY, "maxiter": _RESTARTS}
+        options = {"k": count, "v0": start, "tol": accuracy, "ncv": basis, "maxiter": restarts}
         values, right = eigs(self.operator, **options)
         others, vectors = eigs(self.operator.H, **options)
         # w^T J = lambda w^T; the left eigenvector is the conjugate of w.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
-from gridfold.dynamics.fast_modes import FastModes, find_fast_modes
+from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
 from gridfold.dynamics.layout import Block, Layout, build_layout
@@ -221,7 +221,8 @@ class DetailedModel:
     @cached_property
     def fast_modes(self) -> FastModes:
         """The fastest modes and the fastest swing at the equilibrium."""
-        return find_fast_modes(self.partials(self.x0), self.network_response(self.x0), self.layout)
+        network = self.network_response(self.x0) if self.n_states <= JOINED else None
+        return find_fast_modes(self.partials(self.x0), network, self.layout)
 
     @property
     def _kernels(self) -> UnitKernels:
