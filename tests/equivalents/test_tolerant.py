@@ -95,3 +95,8 @@ def test_rungs_that_miss_the_tolerance_after_all_sample_faults_are_not_tried(npc
     assert not tight.rules
     found = tight.run(npcc, DISTURBANCES["short"], 1.0)
     assert [attempt.mode for attempt in found.attempts] == [Mode.DETAILED]
+
+
+def test_a_run_that_leads_to_another_topology_is_detailed(npcc, ladder) -> None:
+    found = TolerantModel(ladder, 2.0).run(npcc, DISTURBANCES["with a trip"], 2.0)
+    assert [attempt.mode for attempt in found.attempts] == [Mode.DETAILED]

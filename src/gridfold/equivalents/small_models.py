@@ -19,7 +19,8 @@ from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
 
 Topology = tuple[object, ...]
-_INTACT: Topology = ()
+#: That of the case.
+INTACT: Topology = ()
 
 
 @dataclass
@@ -134,7 +135,7 @@ class SmallModels:
     def _topology(self, model: DetailedModel) -> _Known:
         """What is known about the topology of `model`; the longest unused gives way to a new one."""
         key = topology(model.state, model.case)
-        if key == _INTACT:
+        if key == INTACT:
             return self._intact
         with self._lock:
             found = self._others.setdefault(key, _Known())
@@ -159,5 +160,5 @@ def topology(state: NetworkState, case: Case) -> Topology:
         frozenset(),
         (),
     ):
-        return _INTACT
+        return INTACT
     return (state.branches_out, state.units_out, state.load_steps)

@@ -1,7 +1,8 @@
 """Runs whose rotor angles are right within a tolerance, by the cheapest model that is good enough.
 
 A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
-the run's outcome lies within its error, the next rung repeats it. The detailed model ends the climb.
+the run's outcome lies within its error, the next rung repeats it. The detailed model ends the climb. It
+also takes every run that leads to another topology: to make models for that costs more than the run.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
-from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.small_models import INTACT, SmallModels, topology
 from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
-from gridfold.runs.simulate import ModelStore, simulate
+from gridfold.runs.simulate import ModelStore, plan_simulation, simulate
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
@@ -73,9 +74,11 @@ class TolerantModel:
         store: ModelStore | None = None,
     ) -> AdaptiveRun:
         """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`."""
-        rest = (events, t_end, stepper, criterion, {} if store is None else store)
+        known = {} if store is None else store
+        rest = (events, t_end, stepper, criterion, known)
+        last = plan_simulation(model, events, t_end, known).models[-1]
         attempts: list[Attempt] = []
-        for rule in self.rules:
+        for rule in self.rules if topology(last.state, last.case) == INTACT else ():
             run = simulate_adaptive(model, self.small, rule, *rest)
             attempt = self._judge(run)
             attempts.append(attempt)
