@@ -133,7 +133,7 @@ def _print_info(found: CaseInfo) -> None:
     if found.skipped:
         skipped = [f"line {item.line}: {item.text}" for item in found.skipped]
         out.print(facts_table({f"Skipped records ({len(skipped)})": as_lines(shortened(skipped))}))
-    say_basis(found.basis)
+    say_basis(found.basis, doubts=6)
     for line in filter(None, (found.trouble, *found.advice)):
         out.print(line, style="yellow")
 

@@ -84,9 +84,12 @@ def say_model(name: str, reason: str | None) -> None:
         out.print(f"Model {name}: {reason}", style="dim")
 
 
-def say_basis(basis: Basis) -> None:
-    """Tell what a result rests on beside the data, and whether that is validated."""
-    for line in (*basis.warnings, *doubt_lines(basis.data_doubts)):
+def say_basis(basis: Basis, doubts: int = 1) -> None:
+    """Tell what a result rests on beside the data, and whether that is validated.
+
+    Of the kinds of doubts about data the first few are shown.
+    """
+    for line in (*basis.warnings, *doubt_lines(basis.data_doubts, doubts)):
         out.print(f"warning: {line}", style="yellow")
     out.print(facts_table(basis_facts(basis)))
     if not basis.validated:

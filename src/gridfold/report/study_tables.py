@@ -128,7 +128,7 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Not validated"] = _why_not_validated(settings)
     for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
         if lines := settings.get(key):
-            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 3))
+            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 1))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
         facts["Results"] = str(outcome.folder)
