@@ -49,7 +49,7 @@ def _table(seed: int, state: dict[str, Tally]) -> str:
     what = (
         f"`make fuzz` (seed {seed}): sound files spoilt in their bytes, lines, tokens, numbers and "
         "fields, and command lines of any options and values. Refused: an error of gridfold's own, "
-        "or exit code 2. A process of its own reads them, with 10 s (a command line 60 s) and 3 GiB."
+        "or exit code 2. A process of its own reads them, with 30 s (a command line 60 s) and 3 GiB."
     )
     table = str(Table(what, head, tuple(rows)))
     write("fuzz.md", table, machine())
