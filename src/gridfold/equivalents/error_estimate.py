@@ -8,6 +8,7 @@ everything linear.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,11 +18,12 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.folded import fold
-from gridfold.equivalents.small_models import SmallModels
+from gridfold.equivalents.small_models import INTACT, SmallModels, topology
 from gridfold.equivalents.swings import Swings
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.defect import carry_error
+from gridfold.numerics.modal_form import ModalForm
 from gridfold.partition import Partition
 from gridfold.reduction import BalancedTruncation
 from gridfold.runs.synchronism import AngleFrame, angle_frame
@@ -33,6 +35,8 @@ FINE_TOLERANCE = 1e-5
 #: Time between the instants at which the detailed equations are looked at, in s; twice as long where
 #: everything is linear, since swings are small there.
 EVERY = 0.05
+#: Part of the mode that moves an angle most from which on a mode counts.
+CARRYING = 0.05
 
 
 @dataclass(frozen=True)
@@ -96,16 +100,32 @@ class ErrorEstimator:
         area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
         self._modes = SmallModels(area, most)
         self._intact = _modes_of(self._modes.get(parts.model, Mode.WHOLE))
+        self._focused = self._intact
+
+    def focus(self, runs: Iterable[AdaptiveRun]) -> None:
+        """Of the intact network keep the modes that carry the errors of these runs alone."""
+        if self._intact is None:
+            return
+        weights = np.zeros(len(self._intact.slopes))
+        for run in runs:
+            self.estimate(run, weights)
+        if weights.any():
+            self._focused = self._intact.only(weights >= CARRYING * weights.max())
 
     @one_blas_thread
-    def estimate(self, run: AdaptiveRun) -> ErrorEstimate | None:
-        """Errors along a run; None where the network has no modes in which errors could travel."""
+    def estimate(
+        self, run: AdaptiveRun, weights: NDArray[np.float64] | None = None
+    ) -> ErrorEstimate | None:
+        """Errors along a run; None where the network has no modes in which errors could travel.
+
+        `weights`, (n_modes,), takes the largest part of each mode of the intact network in an angle.
+        """
         pieces, models = run.trajectory.run.pieces, run.trajectory.models
-        modes, error, last = self._intact, np.zeros(self._model.n_states), None
+        modes, error, last = self._focused, np.zeros(self._model.n_states), None
         times, angles, largest = [], [], 0.0
         for piece, mode, model in zip(pieces, run.modes, models, strict=False):
             if not model.state.faulted:
-                modes = _modes_of(self._modes.get(model, Mode.WHOLE)) or modes
+                modes = self._modes_for(model) or modes
             if modes is None:
                 return None
             index, frame = _samples(piece, mode), angle_frame(model)
@@ -117,11 +137,20 @@ class ErrorEstimator:
             carried = _carried(piece, mode, model, modes, index, states, modes.restrict @ error)
             error, last = carried[-1] @ modes.slopes, states[-1]
             times.append(piece.times[index])
-            angles.append(np.rad2deg(carried @ self._rows(frame, modes).T))
+            rows = self._rows(frame, modes)
+            angles.append(np.rad2deg(carried @ rows.T))
+            if weights is not None and modes is self._intact:
+                part = np.abs(carried).max(axis=0) * np.abs(rows).max(axis=0)
+                np.maximum(weights, np.maximum(part, part[modes.form.partner]), out=weights)
             apart = np.abs(states[:, frame.slots] - frame.references(states))
             inside = [unit in self._study for unit in frame.units]
             largest = max(largest, float(np.rad2deg(apart[:, inside].max(initial=0.0))))
         return ErrorEstimate(self.units, np.concatenate(times), np.concatenate(angles), largest)
+
+    def _modes_for(self, model: DetailedModel) -> _Modes | None:
+        if topology(model.state, model.case) == INTACT:
+            return self._focused
+        return _modes_of(self._modes.get(model, Mode.WHOLE))
 
     def _rows(self, frame: AngleFrame, modes: _Modes) -> NDArray[np.float64]:
         """Angles of the study machines against their islands' centres in the modes, (n_units, r)."""
@@ -138,17 +167,24 @@ class ErrorEstimator:
 
 @dataclass(frozen=True)
 class _Modes:
-    """Modes of a whole system that is linear: the system, and the way from and to its states."""
+    """Modes of a whole system that is linear, and the way from and to its states."""
 
-    system: ModalSystem
+    form: ModalForm
     slopes: NDArray[np.float64]
     restrict: NDArray[np.float64]
+
+    def only(self, kept: NDArray[np.bool_]) -> _Modes:
+        """Some of the modes (n_modes,), pairs as a whole."""
+        form, place, same = self.form, np.cumsum(kept) - 1, np.eye(int(kept.sum()))
+        partner = place[form.partner[kept]]
+        part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner)
+        return _Modes(part, self.slopes[kept], self.restrict[kept])
 
 
 def _modes_of(small: SmallModel | None) -> _Modes | None:
     if small is None or not isinstance(small.system, ModalSystem):
         return None
-    return _Modes(small.system, small.affine[1], small.restriction)
+    return _Modes(small.system.form, small.affine[1], small.restriction)
 
 
 def _samples(piece: Piece, mode: Mode) -> NDArray[np.int64]:
@@ -177,7 +213,7 @@ def _carried(
         segment = piece.segment
         own = segment.system.compiled.along(piece.states[index])
         rates = segment.lift(own) - segment.lift(np.zeros(own.shape[1]))
-    times, form = piece.times[index], modes.system.form
     return carry_error(
-        model.compiled, form, modes.slopes, modes.restrict, times, states, rates, start
-    )
+        model.compiled, modes.form, modes.slopes, modes.restrict, piece.times[index], states,
+        rates, start,
+    )  # fmt: skip

@@ -62,7 +62,7 @@ class TolerantModel:
         self.small = SmallModels(ladder, most)
         self.rules = tuple(_rules(ladder)) if tolerance_deg > 0 else ()
         self.estimator = ErrorEstimator(ladder.parts, most=most) if self.rules else None
-        self.rules = tuple(rule for rule in self.rules if self._fits_a_sample(rule, ladder.parts))
+        self.rules = tuple(self._that_fit(ladder.parts))
 
     def run(
         self,
@@ -91,10 +91,22 @@ class TolerantModel:
         attempts.append(Attempt(Mode.DETAILED, 0.0))
         return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts))
 
-    def _fits_a_sample(self, rule: SwitchingRule, parts: Partition) -> bool:
-        """Whether a rung keeps the tolerance after one of the sample faults; else it is not tried."""
-        runs = (simulate_adaptive(parts.model, self.small, rule, [f]) for f in sample_faults(parts))
-        return any(self._judge(run).refused is None for run in runs)
+    def _that_fit(self, parts: Partition) -> Iterator[SwitchingRule]:
+        """Rungs that keep the tolerance after one of the sample faults; the others are not tried.
+
+        The errors of these runs tell which modes an estimate needs.
+        """
+        if self.estimator is None:
+            return
+        faults = sample_faults(parts)
+        runs = {
+            rule: [simulate_adaptive(parts.model, self.small, rule, [f]) for f in faults]
+            for rule in self.rules
+        }
+        self.estimator.focus(run for tried in runs.values() for run in tried)
+        for rule, tried in runs.items():
+            if any(self._judge(run).refused is None for run in tried):
+                yield rule
 
     def _judge(self, run: AdaptiveRun) -> Attempt:
         order = list(Mode)
