@@ -16,8 +16,8 @@ from fuzz.targets import TARGETS, Target
 
 import gridfold as gf
 
-#: Seconds that an input may take (it may name a device model that is not compiled yet), and a command line;
-#: bytes beyond what the process has at the start.
+#: Seconds that an input may take, which may name a device model that is not compiled yet, and a command
+#: line; bytes beyond what the process has at the start.
 TIME_LIMIT, COMMAND_LIMIT, MEMORY = 30, 60, 3 * 2**30
 #: How an input may end.
 OUTCOMES = ("refused", "read", "traceback", "hang")

@@ -37,9 +37,9 @@ class Workspace:
         bound = [token.text for token in left if token.kind is Kind.NAME]
         value = self._value(right) if len(left) == 1 else None
         self.forget(bound)
-        if left[0].text == "[" and len(right) == 1 and right[0].text in COLUMN_LISTS:
+        if left and left[0].text == "[" and len(right) == 1 and right[0].text in COLUMN_LISTS:
             self.names |= dict(zip(bound, COLUMN_LISTS[right[0].text], strict=False))
-        elif value is not None:
+        elif value is not None and bound:
             self.names[bound[0]] = value
 
     def table(self, tokens: Sequence[Token]) -> Table:
