@@ -36,7 +36,7 @@ FINE_TOLERANCE = 1e-5
 #: everything is linear, since swings are small there.
 EVERY = 0.05
 #: Part of the mode that moves an angle most from which on a mode counts.
-CARRYING = 0.05
+CARRYING = 0.01
 
 
 @dataclass(frozen=True)
