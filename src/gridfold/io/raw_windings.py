@@ -45,7 +45,7 @@ def _square(nominal: str, base: str) -> float:
         ratio = float(nominal) / float(base)
     except (ValueError, ZeroDivisionError):
         return 1.0
-    return ratio**2 if ratio > 0 else 1.0
+    return ratio * ratio if ratio > 0 else 1.0
 
 
 def _times(text: str, factor: float) -> str:
