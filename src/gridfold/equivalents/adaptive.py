@@ -49,6 +49,9 @@ _INSTANT = 1e-9
 #: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
 #: still reached, twice as long.
 LIMIT_DWELL = 0.1
+#: Time (s) after which limits that are held at the operating point are looked at again: whether the
+#: swing would let them go.
+HELD_DWELL = 1.0
 #: Models that may take over from one below them where a limit is reached.
 _FOLLOWING = (Mode.RETAINED, Mode.LINEAR)
 
@@ -175,7 +178,7 @@ class AdaptivePlan:
             self.patience = 2 * self.patience if self.at_limit else LIMIT_DWELL
             end = min(end, round(time + self.patience, 9))
         if limits is not None and limits.held.names and self.rule.limits:
-            end = min(end, round(time + LIMIT_DWELL, 9))
+            end = min(end, round(time + HELD_DWELL, 9))
         end = min(end, max(choice.until, time + _INSTANT))
         self._log(time, mode, reason, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
