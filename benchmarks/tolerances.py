@@ -78,7 +78,7 @@ def main() -> None:
     for grid in grids():
         sections.append(section(grid))
         print(sections[-1], flush=True)
-    print(write(PAGE, *sections, machine()))
+    print(write(PAGE, "# Runs within a tolerance", *sections, machine()))
 
 
 def grids() -> Iterator[Grid]:
