@@ -140,7 +140,8 @@ def test_a_helper_with_a_cache_of_its_own_gives_the_new_numbers(written, tmp_pat
 def test_a_function_without_a_file_can_be_kept():
     names: dict[str, object] = {"RATE": 2.0}
     exec("def kernel(x):\n    return RATE * x", names)
-    assert compile_callback(names["kernel"], types.float64(types.float64)).ctypes(3.0) == 6.0
+    for _ in range(2):  # the second time it is on disk
+        assert compile_callback(names["kernel"], types.float64(types.float64)).ctypes(3.0) == 6.0
     first = code_digest(names["kernel"])[0]
     names["RATE"] = 3.0
     assert code_digest(names["kernel"])[0] != first

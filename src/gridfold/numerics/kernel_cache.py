@@ -96,8 +96,11 @@ class KernelCache(_Cache):
             return None
         if content[:32] != sha256(content[32:]).digest():
             return None
-        there, data = pickle.loads(content[32:])
-        return CompileResult._rebuild(target_context, *data) if there == sig else None
+        try:
+            there, data = pickle.loads(content[32:])
+            return CompileResult._rebuild(target_context, *data) if there == sig else None
+        except Exception:  # of a module that is not to be found here: it is compiled anew
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code for a signature."""
