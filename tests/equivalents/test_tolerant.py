@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import gridfold as gf
@@ -100,3 +101,32 @@ def test_rungs_that_miss_the_tolerance_after_all_sample_faults_are_not_tried(npc
 def test_a_run_that_leads_to_another_topology_is_detailed(npcc, ladder) -> None:
     found = TolerantModel(ladder, 2.0).run(npcc, DISTURBANCES["with a trip"], 2.0)
     assert [attempt.mode for attempt in found.attempts] == [Mode.DETAILED]
+
+
+def test_the_modes_that_carry_sample_errors_are_enough_for_another_run(
+    npcc, npcc_parts, npcc_swings, ladder
+) -> None:
+    """A run that lost synchronism among the samples says nothing, and does no harm."""
+    rule = gf.SwitchingRule(float("inf"))
+    lost, sample, other = (
+        gf.simulate_adaptive(npcc, ladder, rule, [gf.BusFault(bus, duration=seconds)], 5.0)
+        for bus, seconds in ((3, 0.6), (29, 0.1), (21, 0.1))
+    )
+    focused = ErrorEstimator(npcc_parts, npcc_swings)
+    every = focused.estimate(other)
+    focused.focus([lost])
+    np.testing.assert_array_equal(focused.estimate(other).angles_deg, every.angles_deg)
+    focused.focus([sample])
+    assert focused.estimate(other).worst_deg == pytest.approx(every.worst_deg, rel=0.05)
+
+
+@pytest.mark.parametrize("order", [12, 20])
+def test_what_a_coarse_area_loses_when_it_takes_over_is_part_of_the_error(
+    npcc, npcc_parts, npcc_swings, estimator, order
+) -> None:
+    """The jump of the states carries a sixth to a third of the error here."""
+    area = gf.fold(npcc_parts, (), gf.BalancedTruncation(None, order), swings=npcc_swings)
+    events = DISTURBANCES["short"]
+    run = gf.simulate_adaptive(npcc, area, gf.SwitchingRule(float("inf")), events, 5.0)
+    true = true_error(gf.simulate(npcc, events, 5.0), run.trajectory, npcc_parts)
+    assert estimator.estimate(run).worst_deg == pytest.approx(true, rel=0.05)

@@ -8,7 +8,7 @@ everything linear.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +29,7 @@ from gridfold.reduction import BalancedTruncation
 from gridfold.runs.synchronism import AngleFrame, angle_frame
 from gridfold.simulation.segment import Piece
 from gridfold.systems.modal import ModalSystem
+from gridfold.systems.status import Status
 
 #: Bound of the area in which errors travel, in p.u. of port voltage.
 FINE_TOLERANCE = 1e-5
@@ -102,32 +103,49 @@ class ErrorEstimator:
         self._intact = _modes_of(self._modes.get(parts.model, Mode.WHOLE))
         self._focused = self._intact
 
+    @one_blas_thread
     def focus(self, runs: Iterable[AdaptiveRun]) -> None:
-        """Of the intact network keep the modes that carry the errors of these runs alone."""
+        """Of the intact network keep the modes that carry the errors of these runs alone.
+
+        Runs that did not reach their end are left out.
+        """
         if self._intact is None:
             return
-        weights = np.zeros(len(self._intact.slopes))
+        self._focused, weights = self._intact, np.zeros(len(self._intact.slopes))
         for run in runs:
-            self.estimate(run, weights)
+            if run.trajectory.status is not Status.COMPLETED:
+                continue
+            for part in self._along(run):
+                if part.modes is self._intact:
+                    moved = np.abs(part.carried).max(axis=0) * np.abs(part.rows).max(axis=0)
+                    weights = np.fmax(weights, np.fmax(moved, moved[self._intact.form.partner]))
         if weights.any():
             self._focused = self._intact.only(weights >= CARRYING * weights.max())
 
     @one_blas_thread
-    def estimate(
-        self, run: AdaptiveRun, weights: NDArray[np.float64] | None = None
-    ) -> ErrorEstimate | None:
-        """Errors along a run; None where the network has no modes in which errors could travel.
+    def estimate(self, run: AdaptiveRun) -> ErrorEstimate | None:
+        """Errors along a run that reached its end.
 
-        `weights`, (n_modes,), takes the largest part of each mode of the intact network in an angle.
+        None where the network has no modes in which errors could travel.
         """
+        if self._intact is None:
+            return None
+        parts = list(self._along(run))
+        return ErrorEstimate(
+            self.units,
+            np.concatenate([part.times for part in parts]),
+            np.concatenate([np.rad2deg(part.carried @ part.rows.T) for part in parts]),
+            max(part.largest_deg for part in parts),
+        )
+
+    def _along(self, run: AdaptiveRun) -> Iterator[_Part]:
+        """The error in each piece of a run, carried from one to the next."""
         pieces, models = run.trajectory.run.pieces, run.trajectory.models
         modes, error, last = self._focused, np.zeros(self._model.n_states), None
-        times, angles, largest = [], [], 0.0
         for piece, mode, model in zip(pieces, run.modes, models, strict=False):
             if not model.state.faulted:
                 modes = self._modes_for(model) or modes
-            if modes is None:
-                return None
+            assert modes is not None
             index, frame = _samples(piece, mode), angle_frame(model)
             if mode is Mode.DETAILED and not error.any():
                 index = index[[0, -1]]
@@ -136,16 +154,10 @@ class ErrorEstimator:
                 error = error + last - states[0]
             carried = _carried(piece, mode, model, modes, index, states, modes.restrict @ error)
             error, last = carried[-1] @ modes.slopes, states[-1]
-            times.append(piece.times[index])
-            rows = self._rows(frame, modes)
-            angles.append(np.rad2deg(carried @ rows.T))
-            if weights is not None and modes is self._intact:
-                part = np.abs(carried).max(axis=0) * np.abs(rows).max(axis=0)
-                np.maximum(weights, np.maximum(part, part[modes.form.partner]), out=weights)
             apart = np.abs(states[:, frame.slots] - frame.references(states))
             inside = [unit in self._study for unit in frame.units]
-            largest = max(largest, float(np.rad2deg(apart[:, inside].max(initial=0.0))))
-        return ErrorEstimate(self.units, np.concatenate(times), np.concatenate(angles), largest)
+            largest = float(np.rad2deg(apart[:, inside].max(initial=0.0)))
+            yield _Part(modes, piece.times[index], carried, self._rows(frame, modes), largest)
 
     def _modes_for(self, model: DetailedModel) -> _Modes | None:
         if topology(model.state, model.case) == INTACT:
@@ -179,6 +191,21 @@ class _Modes:
         partner = place[form.partner[kept]]
         part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner)
         return _Modes(part, self.slopes[kept], self.restrict[kept])
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The error in one piece of a run.
+
+    `carried` (n_times, n_modes) are its modes at `times`, `rows` (n_units, n_modes) the angles of the
+    study machines in them; `largest_deg` is the largest angle of these in the run itself.
+    """
+
+    modes: _Modes
+    times: NDArray[np.float64]
+    carried: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    largest_deg: float
 
 
 def _modes_of(small: SmallModel | None) -> _Modes | None:

@@ -17,10 +17,9 @@ from gridfold.dynamics.blocks import held, higher, lag, limited_lag, limited_pid
 from gridfold.dynamics.checks import checks
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Side, limits
 from gridfold.dynamics.exciters import ac_alternator
-from gridfold.dynamics.exciters.ac_alternator import NO_MAXIMUM, exciter_demand
+from gridfold.dynamics.exciters.ac_alternator import NO_MAXIMUM, demand_and_field
 from gridfold.dynamics.exciters.dc_commutator import saturation_faults
 from gridfold.dynamics.exciters.pid import PID, some_gain
-from gridfold.dynamics.exciters.rectifier import rectified
 
 (
     TR, KPR, KIR, KDR, TDR, VPIDMAX, VPIDMIN, KA, TA, VRMAX, VRMIN, KC, KD, KE, TE, VFEMAX, VEMIN,
@@ -62,11 +61,10 @@ def highest_voltage(left, own, v_e, lowest):
 def output(x, u, p, y, dx):
     """What the alternator takes of its own field, and the field voltage."""
     for i in range(x.shape[1]):
-        v_e = higher(x[VE, i], p[VEMIN, i])
-        y[VFE, i] = exciter_demand(
-            v_e, u[IFD, i], p[KD, i], p[KE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
-        )
-        y[EFD, i] = rectified(v_e, p[KC, i] * u[IFD, i])
+        y[VFE, i], y[EFD, i] = demand_and_field(
+            x[VE, i], p[VEMIN, i], u[IFD, i], p[KC, i], p[KD, i], p[KE, i],
+            p[E1, i], p[SE1, i], p[E2, i], p[SE2, i],
+        )  # fmt: skip
 
 
 def derivative(x, u, p, y, dx):

@@ -17,9 +17,9 @@ from typing import Any
 
 from numba import njit
 
-from gridfold.dynamics.blocks import held, quadratic_saturation
+from gridfold.dynamics.blocks import held, higher, quadratic_saturation
 from gridfold.dynamics.device import Bound, Limit, Parameter, Side, Values
-from gridfold.dynamics.exciters.rectifier import unloaded
+from gridfold.dynamics.exciters.rectifier import rectified, unloaded
 
 NO_MAXIMUM = 1e12
 
@@ -59,6 +59,14 @@ DEFAULTS = {"stabilizer_signal": 0.0}
 def exciter_demand(v_e, i_fd, k_d, k_e, e_1, s_1, e_2, s_2):
     """VFE, what the alternator takes of its own field."""
     return k_e * v_e + quadratic_saturation(v_e, e_1, s_1, e_2, s_2) + k_d * i_fd
+
+
+@njit
+def demand_and_field(v_e, lowest, i_fd, k_c, k_d, k_e, e_1, s_1, e_2, s_2):
+    """VFE and the field voltage EFD; VE counts from VEMIN on."""
+    above = higher(v_e, lowest)
+    demand = exciter_demand(above, i_fd, k_d, k_e, e_1, s_1, e_2, s_2)
+    return demand, rectified(above, k_c * i_fd)
 
 
 @njit

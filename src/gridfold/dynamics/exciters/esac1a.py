@@ -11,13 +11,12 @@ The gates for limiters of excitation have no inputs here.
 
 from __future__ import annotations
 
-from gridfold.dynamics.blocks import clip, higher, lag, lead_lag, limited_lag, rate_feedback
+from gridfold.dynamics.blocks import clip, lag, lead_lag, limited_lag, rate_feedback
 from gridfold.dynamics.checks import checks
 from gridfold.dynamics.device import Bound, Device, Parameter, Role, limits
 from gridfold.dynamics.exciters import ac_alternator
-from gridfold.dynamics.exciters.ac_alternator import exciter_demand, exciter_rate
+from gridfold.dynamics.exciters.ac_alternator import demand_and_field, exciter_rate
 from gridfold.dynamics.exciters.dc_commutator import saturation_faults
-from gridfold.dynamics.exciters.rectifier import rectified
 
 (
     TR, TB, TC, KA, TA, VAMAX, VAMIN, TE, KF, TF, KC, KD, KE, E1, SE1, E2, SE2, VRMAX, VRMIN,
@@ -47,11 +46,10 @@ DYR_COLUMNS: tuple[str | None, ...] = tuple(p.name for p in PARAMETERS[:-1])
 def output(x, u, p, y, dx):
     """What the alternator takes of its own field, and the field voltage."""
     for i in range(x.shape[1]):
-        v_e = higher(x[VE, i], p[VEMIN, i])
-        y[VFE, i] = exciter_demand(
-            v_e, u[IFD, i], p[KD, i], p[KE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
-        )
-        y[EFD, i] = rectified(v_e, p[KC, i] * u[IFD, i])
+        y[VFE, i], y[EFD, i] = demand_and_field(
+            x[VE, i], p[VEMIN, i], u[IFD, i], p[KC, i], p[KD, i], p[KE, i],
+            p[E1, i], p[SE1, i], p[E2, i], p[SE2, i],
+        )  # fmt: skip
 
 
 def derivative(x, u, p, y, dx):
