@@ -74,7 +74,7 @@ class Grid:
     def contingencies(self) -> list[dict[str, Any]]:
         """Faults spread evenly over all ends of lines of the area, each cleared by its trip."""
         study = self.study("detailed")
-        case, _ = load_grid(study, Path())
+        case = load_grid(study, Path())
         every = list_contingencies(study, case, study_buses(case, areas=[self.area]), Path())
         chosen = np.linspace(0, len(every) - 1, min(COUNT, len(every))).round().astype(int)
         records = [every[k].record() for k in chosen]

@@ -3,11 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cases import one_machine_infinite_bus
+from device_alone import machine_with
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
+from gridfold.dynamics.exciters.esst4b import DYR_COLUMNS as ESST4B_COLUMNS
 from gridfold.errors import InitializationError
 from gridfold.grid.timeline import build_timeline
+
+#: A regulator of integral and proportional part; its inner loop passes the output on up to a ceiling.
+ESST4B = (0.0, 3.0, 3.0, 1.0, -1.0, 0.0, 1.0, 0.0, 1.0, -1.0, 0.0, 6.0, 0.0, 9.0, 0.1, 0.0, 0.0)
 
 
 def after(model, *events):
@@ -114,3 +119,19 @@ def test_a_machine_cut_off_from_the_infinite_bus_has_no_equilibrium():
     model = gf.build_model(one_machine_infinite_bus(1.0))
     with pytest.raises(InitializationError, match="no equilibrium"):
         find_equilibrium(after(model, gf.BranchTrip("1-2")), model.x0)
+
+
+def test_an_integrator_whose_output_is_cut_off_drifts_to_its_limit():
+    exciter = dict(zip(ESST4B_COLUMNS, ESST4B, strict=True))
+    start = gf.build_model(machine_with({"esst4b": exciter}))
+    inner = start.x0[start.state_names.index("regulator_integral:1:1")]
+    ceiling = exciter | {"inner_maximum": float(inner) + 0.01}
+    model = gf.build_model(machine_with({"esst4b": ceiling}))
+    step = gf.LoadStep(1, active_mw=0.0, reactive_mvar=8.0)
+    point = find_equilibrium(after(model, step), model.x0)
+    assert residual(after(model, step), point) < 1e-8
+    settled = gf.simulate(model, [step], 300.0).states[-1]
+    free = [k for k, name in enumerate(model.state_names) if name != "regulator_integral:1:1"]
+    np.testing.assert_allclose(point.x[free], settled[free], atol=1e-4)
+    regulator = model.state_names.index("regulator_voltage:1:1")
+    assert point.x[regulator] == pytest.approx(exciter["regulator_maximum"])

@@ -14,6 +14,7 @@ from gridfold.dynamics.unit_limits import (
     state_limits,
     touched_held,
 )
+from gridfold.grid.network_state import NetworkState
 
 ROOM = 0.1
 
@@ -114,3 +115,9 @@ def test_the_moved_maximum_of_a_commutator_exciter_is_the_sum_of_both_parameters
     assert limits_acting(model, x, model.machines) == ()
     x[found.index[0]] += 0.02
     assert limits_acting(model, x, model.machines) == ("VRMAX of ieeet1 71:1",)
+
+
+def test_a_state_that_a_time_constant_of_zero_leaves_idle_is_not_bounded_by_a_limit_that_acts(npcc):
+    model = gf.build_model(npcc_with_sexs(npcc, 0.05, ["71:1"], exciter_time=0.0))
+    faulted = model.for_state(NetworkState(bus_faults=frozenset({(71, 0j)})))
+    assert state_limits(faulted, model.x0, model.machines).names == ()

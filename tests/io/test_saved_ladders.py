@@ -20,7 +20,8 @@ ARRAYS = ("lift", "restrict", "weights", "input_weights", "hankel")
 
 @pytest.fixture(scope="module")
 def ladder(npcc_retained, npcc_linear):
-    return Ladder((npcc_retained, npcc_linear), whole=True, step_seconds=SECONDS)
+    light = {Mode.LINEAR: 1 / 3}
+    return Ladder((npcc_retained, npcc_linear), True, step_seconds=SECONDS, light_limits=light)
 
 
 @pytest.fixture
@@ -55,6 +56,7 @@ def test_a_ladder_comes_back_to_the_last_bit(saved, ladder, npcc):
     loaded, norm = load_reduced(saved, npcc)
     assert norm is None
     assert (loaded.whole, loaded.step_seconds) == (True, SECONDS)
+    assert loaded.light_limits == ladder.light_limits
     assert loaded.rungs == ladder.rungs
     assert loaded.modes == ladder.modes
     for found, area in zip(loaded.areas, ladder.areas, strict=True):
@@ -122,6 +124,8 @@ def test_damaged_arrays_are_refused(saved, npcc, part, fault):
         {"step_seconds": {"detailed": 1.0}},
         {"step_seconds": {"sideways": 1.0}},
         {"step_seconds": {"detailed": "fast"}},
+        {"light_limits": {"hybrid": 0.1}},
+        {"light_limits": {"linear": "little"}},
         {"study_buses": list(range(1, 30))},
         {"reducer": {"name": "Own"}},
         {"reducer": {"name": "BalancedTruncation", "speed": 1}},
@@ -137,7 +141,7 @@ def test_a_header_that_does_not_fit_the_arrays_is_refused(saved, npcc, change):
         load_reduced(saved, npcc)
 
 
-@pytest.mark.parametrize("key", ["areas", "whole", "step_seconds"])
+@pytest.mark.parametrize("key", ["areas", "whole", "step_seconds", "light_limits"])
 def test_a_header_without_one_of_the_keys_of_a_ladder_is_refused(saved, npcc, key):
     rewrite(saved, **{key: 3})
     with pytest.raises(gf.CaseFileError, match=f"{key} is 3 in the header"):

@@ -22,8 +22,15 @@ from gridfold.errors import InitializationError
 _MAX_ITERATIONS = 30
 #: The Jacobian is taken anew where a step leaves more than this part of the residual.
 _SLOW = 0.1
-#: A state in p.u. or rad beyond this belongs to no equilibrium; devices may divide by zero there.
-_LOST = 1e8
+#: A step is that of the implicit Euler rule over so many seconds: what nothing holds, such as an
+#: integrator whose output is cut off, drifts to its limit instead of making the Jacobian singular.
+_LONG = 1e4
+#: A step below this part of each state (of 1, for states below 1) ends the search: in a state with a
+#: large gain rounding keeps the derivative above the tolerance.
+_STILL = 1e-9
+#: A state in p.u. beyond this belongs to no equilibrium; devices may divide by zero there. A rotor
+#: angle that has moved by more (rad) drifts away with an island of its own.
+_LOST, _ADRIFT = 1e8, 1e3
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,8 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
 
     The Jacobian of one step serves the next ones as long as they converge quickly.
 
-    A step that leads beyond a limit of a state ends at it, for beyond it a state may be anywhere.
+    A step that leads beyond a limit of a state ends at it, for beyond it a state may be anywhere. None
+    moves a state, but for rotor angles, by more than 1 p.u. and its own size.
 
     The inertia-weighted mean of the rotor angles stays that of the guess, and their rate is free. An
     infinite bus holds both: the rate is then zero.
@@ -81,8 +89,17 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
             step = solve(np.append(residual, condition @ np.append(x - guess, rate)))
         except RuntimeError:
             break
-        x, rate, before = limits.held(x - step[:-1]), float(rate - step[-1]), size
-        if not np.abs(x).max(initial=0.0) < _LOST:
+        still = (np.abs(step[:-1]) < _STILL * np.maximum(np.abs(x), 1.0)).all()
+        room = np.where(moving > 0, np.inf, np.maximum(np.abs(x), 1.0))
+        x, rate, before = (
+            limits.held(x - np.clip(step[:-1], -room, room)),
+            float(rate - step[-1]),
+            size,
+        )
+        if still:
+            return Equilibrium(x, rate)
+        turned = np.abs(x - guess)[angles].max(initial=0.0)
+        if not (np.abs(x).max(initial=0.0) < _LOST and turned < _ADRIFT):
             break
     raise InitializationError("no equilibrium was found for the network after the disturbance")
 
@@ -103,10 +120,11 @@ class _Bordered:
         """What solves with it at the state `x`, for right-hand sides of shape (n_states + 1,)."""
         grid, n = grid_descriptor(self.model, x), self.model.n_states
         idle = abs(grid.a11).sum(axis=1) + abs(grid.a12).sum(axis=1) == 0
+        shift = np.where(idle, 1.0, -1.0 / _LONG)
         row, corner = self.condition[None, :n], self.condition[n:, None]
         matrix = block_array(
             [
-                [grid.a11 + diags_array(idle.astype(float)), grid.a12, -self.moving[:, None]],
+                [grid.a11 + diags_array(shift), grid.a12, -self.moving[:, None]],
                 [grid.a21, grid.a22, None],
                 [csc_array(row), None, csc_array(corner)],
             ],

@@ -74,12 +74,16 @@ def bounds_state(
     """
     if limit.state is None:
         return np.zeros(x.shape[1], dtype=bool)
-    beyond, free = x.copy(), p.copy()
-    side = limit.side.value
+    free, side = p.copy(), limit.side.value
     free[_row(device, limit)] = side * NO_LIMIT
-    beyond[device.states.index(limit.state)] = limit_value(device, limit, p) + side
-    change = _evaluate(device, beyond, u, free) - _evaluate(device, beyond, u, p)
-    return np.asarray((np.abs(change) > ACTING).any(axis=0))
+    row, value = device.states.index(limit.state), limit_value(device, limit, p)
+
+    def effect(state: NDArray[np.float64]) -> NDArray[np.float64]:
+        moved = x.copy()
+        moved[row] = state
+        return _evaluate(device, moved, u, free) - _evaluate(device, moved, u, p)
+
+    return np.asarray((np.abs(effect(value + side) - effect(value - side)) > ACTING).any(axis=0))
 
 
 def tightened(device: Device, p: NDArray[np.float64], part: float) -> NDArray[np.float64]:

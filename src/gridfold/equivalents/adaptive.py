@@ -24,6 +24,7 @@ from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import (
     LinearLimits,
     let_go_notices,
+    light_notices,
     listed,
     origin_notice,
     passed_notices,
@@ -54,6 +55,9 @@ LIMIT_DWELL = 0.1
 HELD_DWELL = 1.0
 #: Models that may take over from one below them where a limit is reached.
 _FOLLOWING = (Mode.RETAINED, Mode.LINEAR)
+#: Why there is no small model at all in a network state.
+_NO_EQUILIBRIUM = "there is no equilibrium to linearize about"
+_NO_JOINT = "the linear area cannot be joined to the rest here"
 
 
 class Switch(NamedTuple):
@@ -155,6 +159,7 @@ class AdaptivePlan:
     limits: list[LinearLimits | None] = field(default_factory=list)
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
     moved: dict[str, float] = field(default_factory=dict)
+    light: dict[Mode, float] = field(default_factory=dict)
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
         """The segment from `time` and the state `x` on."""
@@ -165,7 +170,7 @@ class AdaptivePlan:
         mode, reason = choice.mode, choice.reason
         small = None if mode is Mode.DETAILED else self.small.get(model, mode)
         if small is None and mode is not Mode.DETAILED:
-            mode, reason = Mode.DETAILED, "the linear area cannot be joined to the rest here"
+            mode, reason = Mode.DETAILED, _NO_JOINT
             choice = Choice(mode, reason)
         self._tell(time, model, mode)
         limits = None if small is None else self.small.limits(model, mode)
@@ -235,7 +240,8 @@ class AdaptivePlan:
             Notice(time, f"models about the new operating point: {how}")
             for how, time in self.moved.items()
         ]
-        return [*moved, *at_origin, *passed_notices(phases), *let_go_notices(gone)]
+        light = light_notices(self.light, self.small.family.light_limits)
+        return [*moved, *light, *at_origin, *passed_notices(phases), *let_go_notices(gone)]
 
     def _reached(self, limits: LinearLimits | None, x: NDArray[np.float64]) -> tuple[str, ...]:
         """Limits for which the detailed model has to take over, or stay."""
@@ -269,7 +275,7 @@ class AdaptivePlan:
             return Choice(Mode.DETAILED, "fault on")
         family = self.small.family_for(model)
         if family is None:
-            return Choice(Mode.DETAILED, "there is no equilibrium to linearize about")
+            return Choice(Mode.DETAILED, _NO_EQUILIBRIUM)
         worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
         bands = self.rule.bands(family.modes)
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
@@ -282,7 +288,10 @@ class AdaptivePlan:
         """Note how the model came about that is in use from now on, and what is at limits there."""
         family = self.small.family_for(model)
         if family is not None and mode is not Mode.DETAILED:
-            self.told.setdefault(family.held_at_limits(mode), time)
+            if mode in family.light_limits:
+                self.light.setdefault(mode, time)
+            else:
+                self.told.setdefault(family.held_at_limits(mode), time)
             if family is not self.small.family:
                 self.moved.setdefault(family.how(mode), time)
 
@@ -318,6 +327,8 @@ class AdaptivePlan:
         other_cause: bool,
     ) -> None:
         before = self.switches[-1].after if self.switches else None
+        if reason in (_NO_EQUILIBRIUM, _NO_JOINT):
+            other_cause |= bool(self.switches) and self.switches[-1].reason != reason
         if before is mode and not other_cause and "nothing is rebuilt" not in reason:
             return
         jump = self.small.watches(model, mode).jump(x)

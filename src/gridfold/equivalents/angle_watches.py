@@ -128,10 +128,10 @@ class AngleWatches:
         """A band over the whole's states, in the coordinates of the small model."""
         if self._small is None:
             return BandWatch(rows, offset, limit, inside, steps)
-        origin, slopes = self._small.affine
         used = np.flatnonzero(rows.any(axis=0))
-        matrix = rows[:, used] @ slopes[:, used].T
-        return BandWatch(matrix, rows @ origin + offset, limit, inside, steps)
+        origin, slopes = self._small.rows(used)
+        matrix = rows[:, used] @ slopes.T
+        return BandWatch(matrix, rows[:, used] @ origin + offset, limit, inside, steps)
 
 
 def _study_machines(model: DetailedModel, family: ModelFamily) -> tuple[UnitKey, ...]:

@@ -20,6 +20,7 @@ from gridfold.equivalents.families import (
 from gridfold.equivalents.folded import FoldedArea, fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.limit_scan import limited_units
+from gridfold.equivalents.limit_weight import light_limits
 from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
     DWELL,
@@ -193,6 +194,7 @@ class ModelSettings:
         swings = sample_swings(parts, stepper=stepper)
         retained = () if self.kind is ModelKind.LINEAR else self.retained(parts, swings)
         ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
+        ladder = replace(ladder, light_limits=light_limits(ladder, swings, stepper))
         return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
 
     def retained(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
@@ -244,6 +246,7 @@ class ModelSettings:
         if self.kind is ModelKind.LINEAR and () not in found:
             raise OptionError("the file has no area in which all external machines are linear")
         ladder = self.of_areas(found.__getitem__, retained)
+        ladder = replace(ladder, light_limits=family.light_limits)
         rungs = {Mode.DETAILED, *ladder.rungs}
         if self.kind in ANGLES_DEG and rungs <= family.step_seconds.keys():
             known = {mode: spent for mode, spent in family.step_seconds.items() if mode in rungs}
@@ -313,6 +316,7 @@ def _ladder_record(family: Ladder) -> dict[str, Any]:
                 "model": rung.value,
                 "step_us": None if not family.step_seconds else 1e6 * family.step_seconds[rung],
                 "used": rung in family.modes,
+                "limits_passed_over_deg": family.light_limits.get(rung),
             }
             for rung in dict.fromkeys(family.rungs)
         ],

@@ -6,7 +6,7 @@ algorithm switches.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -30,7 +30,7 @@ from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple, linearize_external
 from gridfold.reduction import BalancedTruncation, Reducer, Reduction
-from gridfold.simulation.segment import Coordinates
+from gridfold.simulation.segment import Coordinates, lifts_rows
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.modal import ModalSystem
@@ -62,6 +62,15 @@ class SmallModel:
         size = self.system.compiled.n_states
         origin = self.coordinates.lift(np.zeros(size))
         return origin, self.coordinates.lift(np.eye(size)) - origin
+
+    def rows(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Those of `affine` at the positions `index` alone: shapes (m,) and (r, m)."""
+        if not lifts_rows(self.coordinates):
+            origin, slopes = self.affine
+            return origin[index], slopes[:, index]
+        size = self.system.compiled.n_states
+        at = self.coordinates.lift_rows(np.zeros(size), index)
+        return at, self.coordinates.lift_rows(np.eye(size), index) - at
 
     @cached_property
     def restriction(self) -> NDArray[np.float64]:
@@ -105,6 +114,10 @@ class ModelFamily(Protocol):
     @property
     def origin(self) -> NDArray[np.float64]:
         """State of the whole system at the operating point."""
+
+    @property
+    def light_limits(self) -> Mapping[Mode, float]:
+        """Models in which limits of linear units are passed over, as sample swings allow."""
 
     def how(self, mode: Mode) -> str:
         """How the model `mode` came about, for the log."""
@@ -166,6 +179,11 @@ class ReducedExternal:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    @property
+    def light_limits(self) -> Mapping[Mode, float]:
+        """All limits count."""
+        return {}
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -318,6 +336,11 @@ class WholeSystem:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    @property
+    def light_limits(self) -> Mapping[Mode, float]:
+        """All limits count."""
+        return {}
 
     @property
     def modes(self) -> tuple[Mode, ...]:

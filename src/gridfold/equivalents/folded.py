@@ -8,7 +8,7 @@ same bases.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -119,6 +119,11 @@ class FoldedArea:
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines of the study area."""
         return self.parts.study_units
+
+    @property
+    def light_limits(self) -> Mapping[Mode, float]:
+        """All limits count."""
+        return {}
 
     def how(self, mode: Mode) -> str:
         """How it came about."""

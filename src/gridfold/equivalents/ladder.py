@@ -46,6 +46,9 @@ class Ladder:
     step_seconds : mapping
         What a step of each rung took on the machine that measured it, in seconds; empty takes every
         rung for cheaper than the one above it.
+    light_limits : mapping
+        Rungs on which limits of linear machines are passed over, and the error in degrees that this
+        makes in sample swings; :func:`gridfold.equivalents.limit_weight.light_limits`.
     place : Place, optional
         Another operating point; each area moves there when a rung first needs it.
     """
@@ -53,6 +56,7 @@ class Ladder:
     areas: tuple[FoldedArea, ...]
     whole: bool = False
     step_seconds: Mapping[Mode, float] = field(default_factory=dict)
+    light_limits: Mapping[Mode, float] = field(default_factory=dict)
     place: Place | None = None
 
     @property

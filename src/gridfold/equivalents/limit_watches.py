@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.unit_limits import StateLimits, limits_along, limits_passed, state_limits
-from gridfold.equivalents.families import SmallModel
+from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.numerics.watch import BoxWatch
 from gridfold.runs.notices import Notice
 from gridfold.simulation.segment import Piece
@@ -139,9 +139,8 @@ def _box(small: SmallModel, limits: StateLimits) -> BoxWatch | None:
     ends = limits.bound + limits.side * limits.tolerance
     np.minimum.at(upper, place[highest], ends[highest])
     np.maximum.at(lower, place[~highest], ends[~highest])
-    origin, slopes = small.affine
-    matrix = np.ascontiguousarray(slopes[:, index].T)
-    return BoxWatch(matrix, lower - origin[index], upper - origin[index])
+    origin, slopes = small.rows(index)
+    return BoxWatch(np.ascontiguousarray(slopes.T), lower - origin, upper - origin)
 
 
 def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
@@ -166,6 +165,18 @@ def let_go_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
     return [
         Notice(time, f"would let go of what a small model holds at this limit: {name}")
         for name, time in sorted(first.items(), key=lambda item: item[1])
+    ]
+
+
+def light_notices(used: Mapping[Mode, float], errors: Mapping[Mode, float]) -> list[Notice]:
+    """Models in which limits are passed over, `used` from a time (s) on; `errors` in degrees."""
+    return [
+        Notice(
+            time,
+            f"in the {mode.value} model limits of linear machines are passed over: in sample swings "
+            f"that moves rotor angles of the study area by {errors[mode]:.2g} degrees",
+        )
+        for mode, time in used.items()
     ]
 
 

@@ -36,6 +36,7 @@ def ladder_header(family: Ladder) -> dict[str, Any]:
             for area in family.areas
         ],
         "step_seconds": {mode.value: value for mode, value in family.step_seconds.items()},
+        "light_limits": {mode.value: value for mode, value in family.light_limits.items()},
     }
 
 
@@ -79,9 +80,12 @@ def build_ladder(
     if not areas:
         raise ValueError("there is no area")
     seconds = {Mode(name): float(value) for name, value in header["step_seconds"].items()}
-    family = Ladder(areas, bool(header["whole"]), seconds)
+    light = {Mode(name): float(value) for name, value in header["light_limits"].items()}
+    family = Ladder(areas, bool(header["whole"]), seconds, light)
     if seconds and set(seconds) != {Mode.DETAILED, *family.rungs}:
         raise ValueError("step_seconds does not name the rungs")
+    if not set(light) <= set(family.rungs):
+        raise ValueError("light_limits names what is no rung")
     return family
 
 

@@ -77,12 +77,15 @@ class SmallModels:
         return self._small(model, mode, self._topology(model))
 
     def limits(self, model: DetailedModel, mode: Mode) -> LinearLimits | None:
-        """Limits of the units that are linear in the small model of `mode`; None if there are none."""
+        """Limits of the units that are linear in the small model of `mode`.
+
+        None if there are none, or if they are passed over.
+        """
         known, key = self._topology(model), (model.state, mode)
         if key not in known.limits:
             family = self._family(model, known)
             small = self._small(model, mode, known)
-            if family is None or small is None:
+            if family is None or small is None or mode in family.light_limits:
                 return None
             with self._building(known):
                 if key not in known.limits:

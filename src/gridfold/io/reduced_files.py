@@ -37,7 +37,7 @@ _FURTHER: dict[str, _Kinds] = {
         "bound": (int, float, type(None)),
         "kept_exactly": int,
     },
-    "polar": {"areas": list, "whole": bool, "step_seconds": dict},
+    "polar": {"areas": list, "whole": bool, "step_seconds": dict, "light_limits": dict},
 }
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gridfold.io.study_store import StudyStore
 from gridfold.paper.published import SOURCE, TABLE_1
 from gridfold.report.event_words import event_places, event_words
+from gridfold.report.grid_layout import with_places
 from gridfold.report.study_file_text import study_file_text
 from gridfold.report.study_tables import study_facts
 from gridfold.study.summary import column_types
@@ -162,7 +163,10 @@ def _warnings(about: Mapping[str, Any]) -> Record:
 def _map(about: Mapping[str, Any]) -> Record:
     """The map of the store, with the buses of the machines that are kept nonlinear."""
     kept = about["settings"].get("kept", [])
-    return {**about["map"], "kept": sorted({int(unit.partition(":")[0]) for unit in kept})}
+    return {
+        **with_places(about["map"]),
+        "kept": sorted({int(unit.partition(":")[0]) for unit in kept}),
+    }
 
 
 def _events(events: Sequence[Mapping[str, Any]]) -> Record:

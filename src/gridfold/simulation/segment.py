@@ -32,7 +32,8 @@ class LiftsRows(Coordinates, Protocol):
         """States of the whole system at the positions `index` (m,), from z (..., r): (..., m)."""
 
 
-def _lifts_rows(coordinates: Coordinates | None) -> TypeGuard[LiftsRows]:
+def lifts_rows(coordinates: Coordinates | None) -> TypeGuard[LiftsRows]:
+    """Whether they can."""
     return hasattr(coordinates, "lift_rows")
 
 
@@ -113,6 +114,6 @@ class Piece:
     def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,) alone, shape (n, m)."""
         coordinates = self.segment.coordinates
-        if _lifts_rows(coordinates):
+        if lifts_rows(coordinates):
             return coordinates.lift_rows(self.states, index)
         return self.full_states[:, index]
