@@ -66,7 +66,6 @@ def new_store(folder: Path, count: int = 4, case: str = "npcc", **settings: Any)
         "study": Study(name="two <areas>").content(),
         "settings": SETTINGS | settings,
         "map": grid(),
-        "checked": [1],
     }
     return StudyStore.create(
         folder, identity, [fault(number) for number in range(1, count + 1)], column_types()

@@ -6,6 +6,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -22,6 +23,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.io.study_store import FILE, StudyStore
 from gridfold.report.study_tables import study_facts
 from gridfold.study import Stage, run_study
+from gridfold.study.check_sample import checked_runs
 from gridfold.study.study_file import parse_study
 from gridfold.study.summary import WALL
 
@@ -263,6 +265,36 @@ def test_checked_contingencies_carry_their_error(reduced):
     assert {"run_angles", "detailed_angles", "linear_angles", "error"} <= set(found)
     apart = np.abs(found["run_angles"] - found["detailed_angles"]).max()
     assert 0 < apart < 1.0
+
+
+def test_checks_are_chosen_by_what_the_runs_came_to_and_can_be_interrupted(reduced, tmp_path):
+    folder, wanted = tmp_path / "study", REDUCED | {"check": {"sample": 2}}
+    every, stop = rows(reduced), threading.Event()
+
+    def interrupt(progress):
+        if progress.message.endswith("checked with the detailed model"):
+            stop.set()
+
+    first = run_study(parse_study(wanted), folder, count=1, on_progress=interrupt, stop=stop)
+    assert first.complete
+    assert first.stage is Stage.INTERRUPTED
+    assert rows(folder)["checked"].isna().all()
+    second = run_study(parse_study(wanted), folder, count=1, resume=True)
+    assert second.stage is Stage.DONE
+    found = rows(folder)
+    chosen = checked_runs(every, 2)
+    assert found["number"][found["checked"].notna()].tolist() == sorted(chosen)
+    of_checks = [name for name in every if name.startswith(("error_", "checked"))]
+    unlike = found["number"].isin(chosen)
+    pd.testing.assert_frame_equal(found.drop(columns=of_checks), every.drop(columns=of_checks))
+    pd.testing.assert_frame_equal(found[unlike], every[unlike])
+
+
+def test_checks_compare_damping_frequency_and_voltage(reduced):
+    frame = rows(reduced)
+    assert frame[["error_nadir_hz", "error_lowest_voltage"]].notna().all(axis=None)
+    assert frame["error_nadir_hz"].abs().max() < 1e-3
+    assert 0 < frame["error_lowest_voltage"].abs().max() < 0.05
 
 
 def test_an_interrupted_study_goes_on_where_it_was(reference, tmp_path):

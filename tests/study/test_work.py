@@ -23,9 +23,13 @@ class Pool:
     """Workers that share their fate: one that dies takes all that is in flight with it."""
 
     def __init__(
-        self, deadly: set[int] | None = None, fails: set[int] | None = None, seconds: float = 0.01
+        self,
+        deadly: set[int] | None = None,
+        fails: set[int] | None = None,
+        seconds: float = 0.01,
+        shift: float = 0.0,
     ):
-        self.seconds = seconds
+        self.seconds, self.shift = seconds, shift
         self.deadly, self.fails = deadly or set(), fails or set()
         self.flying: list[tuple[Solving, Batch]] = []
         self.solved: list[int] = []
@@ -51,7 +55,8 @@ class Pool:
 
     def row(self, number: int) -> Solved:
         self.solved.append(number)
-        return Solved(failed(number) if number in self.fails else stable(number, 10.0 * number))
+        separation = 10.0 * number + self.shift
+        return Solved(failed(number) if number in self.fails else stable(number, separation))
 
 
 def work_on(store: StudyStore, submit: Submit, numbers: set[int], together: int = 1) -> Work:
@@ -61,7 +66,7 @@ def work_on(store: StudyStore, submit: Submit, numbers: set[int], together: int 
         if record["number"] in numbers
     ]
     batches = [tuple(tasks[k : k + together]) for k in range(0, len(tasks), together)]
-    return Work(store, Team(2, "two", submit), batches, lambda progress: None, 0.0)
+    return Work(store, Team(2, "two", submit), [("", batches)], lambda progress: None, 0.0)
 
 
 @pytest.mark.parametrize("together", [1, 3])
@@ -129,3 +134,36 @@ def test_an_interrupt_among_suspects_writes_none_of_them(tmp_path: Path):
     with new_store(tmp_path / "a", 4) as store:
         assert work_on(store, submit, {1, 2, 3, 4}).run(stop) is Stage.INTERRUPTED
         assert store.done() == set()
+
+
+def test_a_second_round_takes_the_place_of_rows_but_never_by_a_failure(tmp_path: Path):
+    with new_store(tmp_path / "a", 4) as store:
+        told = []
+        first = work_on(store, Pool().submit, {1, 2, 3, 4})
+        assert first.run(Event()) is Stage.DONE
+        second = work_on(store, Pool(fails={2}, shift=5.0).submit, {2, 3})
+        second.tell = told.append
+        assert second.run(Event()) is Stage.DONE
+        frame = store.frame().set_index("number")
+    assert frame["largest_separation_deg"].to_dict() == {1: 10.0, 2: 20.0, 3: 35.0, 4: 40.0}
+    assert second.counts == {"stable": 4, "unstable": 0, "failed": 0}
+    assert told[-1].done == told[-1].total == 4
+
+
+def test_rounds_are_made_when_the_one_before_is_written(tmp_path: Path):
+    with new_store(tmp_path / "a", 4) as store:
+        tasks = [
+            (Task(contingency_from_record(record), check=False),)
+            for record in store.contingencies()
+        ]
+
+        def rounds():
+            yield "", tasks[:3]
+            assert store.done() == {1, 2, 3}
+            yield "the rest", tasks[3:]
+
+        said = []
+        work = Work(store, Team(2, "two", Pool().submit), rounds(), said.append, 0.0)
+        assert work.run(Event()) is Stage.DONE
+        assert store.done() == {1, 2, 3, 4}
+    assert [progress.message for progress in said if progress.message] == ["two", "the rest"]

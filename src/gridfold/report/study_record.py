@@ -18,7 +18,7 @@ from gridfold.paper.published import SOURCE, TABLE_1
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.grid_layout import with_places
 from gridfold.report.study_file_text import study_file_text
-from gridfold.report.study_tables import study_facts
+from gridfold.report.study_tables import further_errors, other_verdicts, study_facts
 from gridfold.study.summary import column_types
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
         Ready for JSON; missing figures are None. Curves are 16-bit numbers with a factor, see
         :func:`packed`.
     """
-    about = store.require("study", "settings", "case", "fingerprint", "gridfold", "map", "checked")
+    about = store.require("study", "settings", "case", "fingerprint", "gridfold", "map")
     found, listed = store.frame(), store.contingencies()
     # A damaged store may lack a column.
     frame = ranked(found.assign(**{name: None for name in column_types() if name not in found}))
@@ -121,13 +121,13 @@ def _counts(frame: pd.DataFrame, total: int) -> Record:
 def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
     """What the detailed runs beside those of the study say."""
     checked = frame[frame["checked"].notna()]
-    same = checked["checked"].str.replace("_", " ") == checked["status"]
-    other = [str(name) for name in checked["name"][~same.fillna(False)]]
     errors = checked[checked["error_rms_deg"].notna()]
     record: Record = {
-        "asked": len(about["checked"]),
+        "asked": about["study"]["check"]["sample"] != 0,
         "checked": len(checked),
-        "other_verdict": other,
+        "other_verdict": other_verdicts(frame),
+        "beyond_tolerance": _beyond(checked, about["settings"].get("tolerance_deg")),
+        "further": "".join(further_errors(frame)).removeprefix(", "),
         "compared": len(errors),
     }
     if len(errors):
@@ -140,6 +140,13 @@ def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
             "worst_machine": _figure(worst["error_machine"]),
         }
     return record
+
+
+def _beyond(checked: pd.DataFrame, tolerance_deg: float | None) -> list[str]:
+    """Names of checked runs whose error is above the tolerance."""
+    if tolerance_deg is None:
+        return []
+    return [str(name) for name in checked["name"][checked["error_coi_deg"] > tolerance_deg]]
 
 
 def _warnings(about: Mapping[str, Any]) -> Record:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,12 @@ from gridfold.study.work import StudyRun
 if TYPE_CHECKING:
     import pandas as pd
 
+#: What is said of the largest error of figures in the runs that were checked.
+FURTHER_ERRORS = {
+    "error_damping_ratio": "damping ratios within {:.2g}",
+    "error_nadir_hz": "lowest frequencies within {:.2g} Hz",
+    "error_lowest_voltage": "lowest voltages within {:.2g} p.u.",
+}
 #: Columns that are shown if none are asked for: heading and digits by column.
 _SHOWN: dict[str, tuple[str, int]] = {
     "number": ("no.", 0),
@@ -116,7 +122,10 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         worst = float(errors.max())
         facts["Checked in detail"] = (
             f"{len(errors)}: rotor angles of the study area within {worst:.2f} degrees RMS"
+            + "".join(further_errors(frame))
         )
+    if other := other_verdicts(frame):
+        facts["Other verdict in detail"] = ", ".join(other)
     if settings.get("tolerance_deg") is not None:
         facts["Tolerance"] = _kept_tolerance(settings["tolerance_deg"], frame)
     if settings.get("model_reason"):
@@ -133,6 +142,21 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
         facts["Results"] = str(outcome.folder)
     return facts
+
+
+def further_errors(frame: pd.DataFrame) -> Iterator[str]:
+    """How far damping, frequency and voltage are off in the runs that were checked."""
+    for column, text in FURTHER_ERRORS.items():
+        errors = frame[column].dropna().abs()
+        if len(errors):
+            yield f", {text.format(errors.max())}"
+
+
+def other_verdicts(frame: pd.DataFrame) -> list[str]:
+    """Names of those that ended otherwise in the detailed model."""
+    checked = frame[frame["checked"].notna()]
+    same = checked["checked"].str.replace("_", " ") == checked["status"]
+    return [str(name) for name in checked["name"][~same.fillna(False)]]
 
 
 def _why_not_validated(settings: dict[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import replace
@@ -22,6 +22,7 @@ from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import check_limit
+from gridfold.study.check_sample import checked_runs
 from gridfold.study.executors import Workers, team
 from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.grid_map import grid_map
@@ -125,8 +126,7 @@ def run_study(
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
-        todo = _batches(_tasks(store, retry_failed), prepared)
-        work = Work(store, crew, todo, tell, began)
+        work = Work(store, crew, _rounds(store, prepared, retry_failed), tell, began)
         stage = work.run(stop or Event())
         store.tell("last_run", _provenance(crew))
         return work.outcome(target, stage)
@@ -175,28 +175,30 @@ def _create(
         "settings": describe(offline, prepared),
         "map": grid_map(offline.case, offline.study_buses),
         "own_code": [code_record(code) for code in offline.named.own_code],
-        "checked": sorted(_checked(offline.study, len(contingencies))),
     }
     records = [item.record() for item in contingencies]
     return StudyStore.create(target, about, records, column_types())
 
 
-def _checked(study: Study, total: int) -> set[int]:
-    """Numbers of the contingencies that are checked: spread evenly over the list."""
-    sample = study.check.sample
-    size = total if sample == "all" else min(int(sample), total)
-    return {int(number) for number in np.linspace(1, total, size).round()} if size else set()
-
-
-def _tasks(store: StudyStore, retry_failed: bool) -> list[Task]:
-    done, checked = store.done(), set(store.identity["checked"])
-    if retry_failed:
-        done -= store.failed()
-    return [
-        Task(contingency_from_record(record), record["number"] in checked)
-        for record in store.contingencies()
-        if record["number"] not in done
+def _rounds(
+    store: StudyStore, prepared: Prepared, retry_failed: bool
+) -> Iterator[tuple[str, list[Batch]]]:
+    """What is to be done: all that has no result, then checks of those that matter."""
+    records = {record["number"]: record for record in store.contingencies()}
+    sample = prepared.study.check.sample
+    every = sample == "all" or int(sample) >= len(records)
+    left = records.keys() - store.done() | (store.failed() if retry_failed else set())
+    tasks = [Task(contingency_from_record(records[number]), check=every) for number in sorted(left)]
+    yield "", _batches(tasks, prepared)
+    if every or prepared.small is None:
+        return
+    frame = store.frame()
+    chosen = set(checked_runs(frame, int(sample)))
+    chosen -= set(frame["number"][frame["checked"].notna()])
+    tasks = [
+        Task(contingency_from_record(records[number]), check=True) for number in sorted(chosen)
     ]
+    yield f"{len(tasks)} runs are checked with the detailed model", _batches(tasks, prepared)
 
 
 def _batches(tasks: list[Task], prepared: Prepared) -> list[Batch]:

@@ -125,7 +125,7 @@ class _Solver:
         figures |= trajectory_figures(run)
         curves = self._curves(run, switches)
         if self.task.check and self.small is not None:
-            checked, beside = self._check(run, self.small)
+            checked, beside = self._check(run, figures, self.small)
             figures |= checked
             curves |= beside
         figures |= self._clearing_time()
@@ -157,9 +157,9 @@ class _Solver:
         return simulate_adaptive(ready.model, small, rule, events, *rest)
 
     def _check(
-        self, run: Trajectory, small: SmallModels
+        self, run: Trajectory, found: dict[str, Any], small: SmallModels
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Errors against a detailed run, and the curves of that and of a linear run."""
+        """Errors of a run and its figures, and the curves of a detailed and of a linear run."""
         events = self.task.contingency.events
         detailed = self._detailed(events)
         linear = self._adaptive(small, SwitchingRule(inf), events).trajectory
@@ -168,6 +168,10 @@ class _Solver:
             "checked": detailed.status.value,
             "wall_check_s": _seconds(detailed),
         }
+        right = trajectory_figures(detailed)
+        for name in ("damping_ratio", "nadir_hz", "lowest_voltage"):
+            if found.get(name) is not None and right.get(name) is not None:
+                figures[f"error_{name}"] = found[name] - right[name]
         out = detailed.models[-1].state.units_out
         units = [unit for unit in self._units_of(detailed) if unit not in out]
         if units and len(detailed.times) == len(run.times):

@@ -238,7 +238,9 @@ class Check(_Section):
     """Detailed runs beside those of a reduced model: the evidence of its accuracy."""
 
     sample: Count | Literal["all"] = Field(
-        default=10, description="How many contingencies, spread evenly."
+        default=10,
+        description="How many runs: unstable ones, those nearest to the limit, those with the largest "
+        "estimated errors, and others by chance.",
     )
 
 

@@ -71,6 +71,9 @@ class Figures:
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
         worst machine (`error_machine`), the same of angles against the centre of inertia, and the
         largest at any time.
+    error_damping_ratio, error_nadir_hz, error_lowest_voltage : float
+        What damping of the dominant swing, lowest frequency (Hz) and lowest voltage (p.u.) are too high
+        against the detailed run.
     error_estimate_deg : float
         Estimate of `error_coi_deg`, where the study has a tolerance; 0 for a detailed run.
     detailed_s, retained_s, hybrid_s, linear_s, linear_whole_s : float
@@ -116,6 +119,9 @@ class Figures:
     error_coi_deg: float | None = None
     error_largest_deg: float | None = None
     error_machine: str | None = None
+    error_damping_ratio: float | None = None
+    error_nadir_hz: float | None = None
+    error_lowest_voltage: float | None = None
     error_estimate_deg: float | None = None
     detailed_s: float | None = None
     retained_s: float | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from enum import Enum
@@ -104,23 +104,24 @@ class Work:
         self,
         store: StudyStore,
         crew: Team,
-        todo: Sequence[Batch],
+        rounds: Iterable[tuple[str, Sequence[Batch]]],
         tell: Callable[[Progress], None],
         began: float,
     ):
         self.store, self.crew, self.tell, self.began = store, crew, tell, began
         self.total = len(store.contingencies())
-        contingencies = [task.contingency for batch in todo for task in batch]
-        self.names = {item.number: item.name for item in contingencies}
-        self.left = set(self.names)
-        self.redone = self.left & store.done()
-        self.waiting: Iterator[Batch] = iter(todo)
+        self.rounds = iter(rounds)
+        self.names: dict[int, str] = {}
+        self.left: set[int] = set()
+        self.redone: dict[int, str] = {}
+        self.waiting: Iterator[Batch] = iter(())
         self.suspects: list[Batch] = []
         self.alone: Solving | None = None
         self.lost: list[Solved] = []
         self.tries: Counter[int] = Counter()
         self.flying: dict[Solving, Batch] = {}
-        self.counts = _counts(store)
+        self.counts = {"stable": 0, "unstable": 0, "failed": 0}
+        self.counts |= Counter(_verdicts(store).values())
         self.here = 0
         self.started = time.monotonic()
 
@@ -132,20 +133,34 @@ class Work:
         OptionError
             The workers take no tasks, or end before the first result.
         """
-        self._tell(Stage.RUNNING, message=self.crew.description)
         try:
-            while self._hand_out() and not stop.is_set():
-                done, _ = wait(self.flying, _GLANCE, FIRST_COMPLETED)
-                self._take(done)
+            for what, batches in self.rounds:
+                self._begin(batches)
+                self._tell(Stage.RUNNING, message=what or self.crew.description)
+                while self._hand_out() and not stop.is_set():
+                    done, _ = wait(self.flying, _GLANCE, FIRST_COMPLETED)
+                    self._take(done)
+                if stop.is_set() or self.lost:
+                    break
         except KeyboardInterrupt:
             stop.set()
         if stop.is_set():
             self._wind_up()
         elif self.lost:
             raise OptionError(f"the workers end before the first result: {self._reason()}")
-        stage = Stage.INTERRUPTED if self.left else Stage.DONE
+        left = self.left or any(batches for _, batches in self.rounds)
+        stage = Stage.INTERRUPTED if left else Stage.DONE
         self._tell(stage)
         return stage
+
+    def _begin(self, batches: Sequence[Batch]) -> None:
+        """A round of batches; what has a row already is done again."""
+        contingencies = [task.contingency for batch in batches for task in batch]
+        self.names = {item.number: item.name for item in contingencies}
+        self.left = set(self.names)
+        verdicts = _verdicts(self.store)
+        self.redone = {number: verdicts[number] for number in self.left & verdicts.keys()}
+        self.waiting = iter(batches)
 
     def outcome(self, folder: Path, stage: Stage) -> StudyRun:
         """The counts at the end."""
@@ -218,6 +233,7 @@ class Work:
         return str(self.lost[0].figures["reason"])
 
     def _write(self, batch: tuple[Solved, ...]) -> None:
+        batch = tuple(solved for solved in batch if not self._spoils(solved))
         for solved in batch:
             if solved.parquet is not None:
                 name = f"{solved.result.number:06d}.parquet"
@@ -227,11 +243,20 @@ class Work:
         for solved in batch:
             number = solved.result.number
             self.left.discard(number)
-            self.counts["failed"] -= number in self.redone
+            if number in self.redone:
+                self.counts[self.redone[number]] -= 1
             self.counts[_verdict(solved.figures)] += 1
             self.here += 1
             latest = {"number": number, "name": self.names[number], **solved.figures}
             self._tell(Stage.RUNNING, latest)
+
+    def _spoils(self, solved: Solved) -> bool:
+        """Whether a failure would take the place of a row that is there: the row stays."""
+        number = solved.result.number
+        spoils = self.redone.get(number, "failed") != "failed" and solved.figures["stable"] is None
+        if spoils:
+            self.left.discard(number)
+        return spoils
 
     def _wind_up(self) -> None:
         """Call back what has not begun, and write what comes of the rest."""
@@ -270,8 +295,10 @@ def _verdict(figures: Mapping[str, Any]) -> str:
     return "stable" if figures["stable"] else "unstable"
 
 
-def _counts(store: StudyStore) -> dict[str, int]:
+def _verdicts(store: StudyStore) -> dict[int, str]:
     frame = store.frame()
-    stable = int((frame["stable"] == True).sum())  # noqa: E712  (nullable: neither if missing)
-    unstable = int((frame["stable"] == False).sum())  # noqa: E712
-    return {"stable": stable, "unstable": unstable, "failed": len(frame) - stable - unstable}
+    stable = frame["stable"].astype(object).where(frame["stable"].notna(), None)
+    return {
+        int(number): _verdict({"stable": value})
+        for number, value in zip(frame["number"], stable, strict=True)
+    }

@@ -115,6 +115,7 @@ function evidence() {
       + (accuracy.compared < accuracy.checked
         ? `; ${accuracy.checked - accuracy.compared} ended at another time and have no error.` : "."));
   }
+  if (accuracy.further) words.push(`Besides: ${accuracy.further}.`);
   return words.join(" ") + tolerance;
 }
 const degrees = value => value !== 0 && value < 0.01 ? "less than 0.01°" : `${value.toFixed(2)}°`;
@@ -131,6 +132,9 @@ function banners() {
   }
   if (record.counts.failed && record.counts.failed === rows.length) {
     banner("All contingencies failed; the reasons are in the table.", []);
+  }
+  if (record.accuracy.beyond_tolerance.length) {
+    banner("Runs that were checked err by more than the tolerance.", record.accuracy.beyond_tolerance);
   }
   if (record.accuracy.other_verdict.length) {
     banner("The detailed model gives another verdict for contingencies that were checked.",
