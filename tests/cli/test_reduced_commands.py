@@ -225,9 +225,13 @@ def test_reduce_makes_a_ladder_of_areas_by_default(command, falling_costs):
     rungs = [(rung["model"], rung["used"]) for rung in facts["rungs"]]
     assert rungs == [("retained", True), ("linear", True), ("linear whole", True)]
     assert facts["outputs"] == "polar"
+    moved = [mode for mode in facts["swing_modes"] if mode["moved"]]
     _, out, _ = command("reduce", "npcc")
     text = " ".join(out.split())
     assert "linear whole" in text
+    assert (
+        f"{len(facts['swing_modes']) - len(moved)} of {len(facts['swing_modes'])} within 1%" in text
+    )
     for area in facts["areas"]:
         assert str(area["order"]) in text
 

@@ -22,6 +22,7 @@ from gridfold.equivalents.families import ReducedExternal
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ModelKind, Outputs
+from gridfold.equivalents.moved_modes import compared_modes
 from gridfold.equivalents.saved import save_reduced
 from gridfold.grid.number_ranges import as_ranges
 from gridfold.partition import Coupling, Partition, couple
@@ -164,7 +165,8 @@ def _reduction_record(
             "hankel_singular_values": None if values is None else values.tolist(),
         }
     areas = [_area_record(area) for area in family.areas]
-    return record | areas[0] | {"areas": areas}
+    modes = [mode.record() for mode in compared_modes(family.areas[-1])]
+    return record | areas[0] | {"areas": areas, "swing_modes": modes}
 
 
 def _area_record(area: FoldedArea) -> dict[str, Any]:

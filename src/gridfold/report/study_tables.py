@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,6 +117,21 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     }
     if settings.get("method_doubts"):
         facts["Time step"] = "; ".join(settings["method_doubts"])
+    facts |= _evidence(settings, frame)
+    if not settings["validated"]:
+        facts["Not validated"] = _why_not_validated(settings)
+    for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
+        if lines := settings.get(key):
+            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 1))
+    if outcome is not None:
+        facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
+        facts["Results"] = str(outcome.folder)
+    return facts
+
+
+def _evidence(settings: Mapping[str, Any], frame: pd.DataFrame) -> dict[str, str]:
+    """What is known of the errors of a reduced model, and of what it saves."""
+    facts: dict[str, str] = {}
     errors = frame["error_rms_deg"].dropna()
     if len(errors):
         worst = float(errors.max())
@@ -128,19 +143,13 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
         facts["Other verdict in detail"] = ", ".join(other)
     if settings.get("tolerance_deg") is not None:
         facts["Tolerance"] = _kept_tolerance(settings["tolerance_deg"], frame)
+    if settings.get("moved_modes"):
+        facts["Modes moved by the reduction"] = "; ".join(settings["moved_modes"])
     if settings.get("model_reason"):
         facts["Model chosen"] = settings["model_reason"]
     saved = _compared_with_detailed(frame)
     if saved:
         facts["Detailed model"] = saved
-    if not settings["validated"]:
-        facts["Not validated"] = _why_not_validated(settings)
-    for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
-        if lines := settings.get(key):
-            facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 1))
-    if outcome is not None:
-        facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
-        facts["Results"] = str(outcome.folder)
     return facts
 
 

@@ -14,6 +14,7 @@ from gridfold.equivalents.compare import Comparison
 from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.equivalents.families import ReducedExternal
 from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.moved_modes import MOVED, ComparedMode, compared_modes
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
 from gridfold.partition import Coupling, Partition
@@ -362,6 +363,15 @@ def ladder_table(family: Ladder) -> PlainTable:
     return table
 
 
+def modes_text(modes: Sequence[ComparedMode]) -> str:
+    """How many swing modes of the study area stay where they are, and which do not."""
+    moved = [str(mode) for mode in modes if mode.moved]
+    text = (
+        f"{len(modes) - len(moved)} of {len(modes)} within {MOVED:.0%} of those of the whole system"
+    )
+    return "; ".join([text, *moved])
+
+
 def ladder_facts(family: Ladder, seconds: float, shown: int = 8) -> dict[str, str]:
     """Singular values of the last area, what a step of each rung takes, and the time for all."""
     values = family.areas[-1].bases.hankel_values
@@ -371,6 +381,7 @@ def ladder_facts(family: Ladder, seconds: float, shown: int = 8) -> dict[str, st
     facts = {
         "Hankel singular values": ", ".join(f"{value:.3g}" for value in listed) or "none",
         "Microseconds a step": ", ".join(steps),
+        "Swing modes": modes_text(compared_modes(family.areas[-1])),
         "Time": f"{seconds:.2f} s",
     }
     if unused:

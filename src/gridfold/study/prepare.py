@@ -21,6 +21,7 @@ from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
+from gridfold.equivalents.moved_modes import compared_modes
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
@@ -399,4 +400,6 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
     }
     if isinstance(family, Ladder):
         record["step_seconds"] = {mode.value: s for mode, s in family.step_seconds.items()}
+        modes = compared_modes(family.areas[-1])
+        record["moved_modes"] = [str(mode) for mode in modes if mode.moved]
     return record
