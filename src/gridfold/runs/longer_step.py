@@ -61,13 +61,13 @@ def choose_for_many(
     count = len(disturbances) if runs is None else runs
     if fixed or not isinstance(choice.stepper, RungeKutta4) or count < PAYS_FROM:
         return choice
-    usual, shortest = choice.stepper, _shortest_fault(disturbances)
+    usual, shortest = choice.stepper, shortest_fault(disturbances)
     tried = disturbances[:: -(-len(disturbances) // TRIALS)]
     short = [simulate(model, events, t_end, usual, criterion) for events in tried]
     for longer in LONGER:
         if not _suits(model, longer) or fault_doubt(longer, shortest) is not None:
             continue
-        error = _error_deg(
+        error = angle_error_deg(
             short, [simulate(model, run.events, t_end, longer, criterion) for run in short]
         )
         if error <= TRIED_PART * LARGEST_ERROR_DEG:
@@ -85,7 +85,7 @@ def _suits(model: DetailedModel, stepper: Stepper) -> bool:
         return False
 
 
-def _shortest_fault(disturbances: Sequence[Sequence[Event]]) -> float:
+def shortest_fault(disturbances: Sequence[Sequence[Event]]) -> float:
     """Duration in s of the shortest fault of all; infinite where there is none."""
     events = (event for events in disturbances for event in events)
     return min(
@@ -93,7 +93,7 @@ def _shortest_fault(disturbances: Sequence[Sequence[Event]]) -> float:
     )
 
 
-def _error_deg(short: Sequence[Trajectory], longer: Sequence[Trajectory]) -> float:
+def angle_error_deg(short: Sequence[Trajectory], longer: Sequence[Trajectory]) -> float:
     """Largest root mean square difference of a rotor angle; infinite where the outcomes differ.
 
     A run that loses synchronism is left out, since its angles say nothing; infinite if all do.
@@ -101,16 +101,18 @@ def _error_deg(short: Sequence[Trajectory], longer: Sequence[Trajectory]) -> flo
     if any(fine.status is not coarse.status for fine, coarse in zip(short, longer, strict=True)):
         return np.inf
     errors = [
-        _difference_deg(fine, coarse)
+        difference_deg(fine, coarse)
         for fine, coarse in zip(short, longer, strict=True)
         if fine.status is Status.COMPLETED
     ]
     return max(errors, default=np.inf)
 
 
-def _difference_deg(fine: Trajectory, coarse: Trajectory) -> float:
-    """That of two runs of one disturbance, at the samples of the coarser one."""
-    shared = np.searchsorted(fine.times, coarse.times - fine.stepper.step / 2)
+def difference_deg(fine: Trajectory, coarse: Trajectory) -> float:
+    """That of two runs of one disturbance, at the samples of the coarser one while both go on."""
+    times = coarse.times[coarse.times <= fine.times[-1] + fine.stepper.step / 2]
+    shared = np.searchsorted(fine.times, times - fine.stepper.step / 2)
     centre = AngleReference.CENTRE_OF_INERTIA
-    difference = fine.rotor_angle_deg(None, centre)[shared] - coarse.rotor_angle_deg(None, centre)
+    angles = coarse.rotor_angle_deg(None, centre)[: len(times)]
+    difference = fine.rotor_angle_deg(None, centre)[shared] - angles
     return float(np.sqrt((difference**2).mean(axis=0)).max(initial=0.0))
