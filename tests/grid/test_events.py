@@ -3,7 +3,8 @@ from dataclasses import replace
 import pytest
 
 import gridfold as gf
-from gridfold.grid.events import EVENTS, find_branch
+from gridfold.grid.event_checks import find_branch
+from gridfold.grid.events import EVENTS
 from gridfold.grid.network_state import BranchFaultPoint, NetworkState
 from gridfold.grid.timeline import initial_state
 
@@ -28,9 +29,16 @@ def test_every_kind_of_event_has_a_name():
         gf.BusFault,
         gf.BranchFault,
         gf.BranchTrip,
+        gf.BranchOpenEnd,
         gf.BranchReclose,
         gf.MachineTrip,
         gf.LoadStep,
+        gf.LoadShed,
+        gf.ShuntTrip,
+        gf.ShuntClose,
+        gf.ShuntStep,
+        gf.SetParameter,
+        gf.Redispatch,
     }
 
 
