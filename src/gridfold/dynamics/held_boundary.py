@@ -19,7 +19,6 @@ from gridfold.dynamics.machines.held_voltage import HELD_VOLTAGE
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import CompiledNetwork, build_equations, dense_network
 from gridfold.dynamics.network.loads import with_loads
-from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 
 

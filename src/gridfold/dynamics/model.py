@@ -188,7 +188,12 @@ class DetailedModel:
             injections = replace(injections, machine=_machine_admittances(layout))
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
         changed = replace(
-            self, state=state, equations=equations, layout=layout, injections=injections, start=start
+            self,
+            state=state,
+            equations=equations,
+            layout=layout,
+            injections=injections,
+            start=start,
         )
         return changed._recompiled()
 

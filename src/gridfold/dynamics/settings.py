@@ -114,7 +114,9 @@ def _row_and_value(
     if setting.name == SPEED_REFERENCE:
         speed = (1.0 if setting.value is None else setting.value) + setting.change
         row = device.parameter_rows.index(POWER_REFERENCE)
-        return row, float(unit.block.parameters[row, column]) + _moved(layout, at, unit, speed, flow)
+        return row, float(unit.block.parameters[row, column]) + _moved(
+            layout, at, unit, speed, flow
+        )
     start = unit.value(setting.name) if setting.value is None else setting.value
     value = start + setting.change
     bounds = {parameter.name: parameter.bound for parameter in device.parameters}

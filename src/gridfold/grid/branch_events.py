@@ -64,7 +64,9 @@ class BranchFault:
         if self.far_duration is not None:
             check_window(where, self.start, self.far_duration, "far_duration")
             if not self.trip:
-                raise EventError(f"{where}: far_duration is of a branch that trips, but trip is false")
+                raise EventError(
+                    f"{where}: far_duration is of a branch that trips, but trip is false"
+                )
         position, turned = find_branch(case, self.branch, where)
         place = _FaultPlace(case, position, 1 - self.fraction if turned else self.fraction,
                             complex(self.resistance, self.reactance))  # fmt: skip

@@ -66,7 +66,9 @@ def two_port(
         inner = matrix[np.ix_(gone, gone)]
         if np.abs(np.linalg.det(inner)) <= np.finfo(float).eps * np.abs(inner).max() ** len(gone):
             raise NetworkError(f"{branch}: its open end resonates, there is no voltage there")
-        seen = seen - matrix[np.ix_(kept, gone)] @ np.linalg.solve(inner, matrix[np.ix_(gone, kept)])
+        seen = seen - matrix[np.ix_(kept, gone)] @ np.linalg.solve(
+            inner, matrix[np.ix_(gone, kept)]
+        )
     port[np.ix_(kept, kept)] = seen
     return port
 

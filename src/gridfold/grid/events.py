@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from gridfold.errors import EventError
-from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.branch_events import BranchFault, BranchOpenEnd, BranchReclose, BranchTrip
+from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.change import Change, Event
 from gridfold.grid.device_events import SetParameter
 from gridfold.grid.event_checks import (

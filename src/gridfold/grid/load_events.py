@@ -72,7 +72,9 @@ class LoadShed:
         where = f"shedding of load at {self._place}"
         check_time(where, "time", self.time)
         if not 0 < self.share <= 1:
-            raise EventError(f"{where}: share must be more than 0 and at most 1, not {self.share!r}")
+            raise EventError(
+                f"{where}: share must be more than 0 and at most 1, not {self.share!r}"
+            )
         buses = chosen_buses(where, case, self.buses, self.areas, self.zones)
         loads = [load for load in case.loads if load.in_service and load.bus in buses]
         if not loads:
