@@ -20,7 +20,10 @@ from gridfold.grid.event_checks import (
     open_end,
     require_closed,
 )
-from gridfold.grid.network_state import BranchFaultPoint, NetworkState, OpenEnd
+from gridfold.grid.network_state import BranchFaultPoint, NetworkState
+
+#: Fractions that are closer to an end than this are at it.
+_AT_END = 1e-9
 
 
 @dataclass(frozen=True)
@@ -68,90 +71,44 @@ class BranchFault:
                     f"{where}: far_duration is of a branch that trips, but trip is false"
                 )
         position, turned = find_branch(case, self.branch, where)
-        place = _FaultPlace(case, position, 1 - self.fraction if turned else self.fraction,
-                            complex(self.resistance, self.reactance))  # fmt: skip
+        branch = case.branches[position]
+        ends = branch.from_bus, branch.to_bus
+        fraction = 1 - self.fraction if turned else self.fraction
+        if abs(fraction - round(fraction)) < _AT_END:
+            fraction = float(round(fraction))
+        point = BranchFaultPoint(position, fraction, complex(self.resistance, self.reactance))
 
         def put_on(state: NetworkState) -> NetworkState:
             require_closed(state, position, where, self.start)
             if any(other.branch == position for other in state.branch_faults):
                 raise EventError(f"{where}: the branch is faulted already at {self.start:g} s")
-            at = place.bus_of(state)
-            if at is not None and any(bus == at for bus, _ in state.bus_faults):
-                raise EventError(f"{where}: bus {at} is faulted already at {self.start:g} s")
-            return place.put_on(state)
+            faulted = replace(state, branch_faults=state.branch_faults | {point})
+            buses = [bus for bus, _ in faulted.bus_shorts(case)]
+            for bus in ends:
+                if buses.count(bus) > 1 and point.at_end == ends.index(bus):
+                    raise EventError(f"{where}: bus {bus} is faulted already at {self.start:g} s")
+            return faulted
 
         def clear(state: NetworkState) -> NetworkState:
-            cleared = place.put_off(state)
+            cleared = replace(state, branch_faults=state.branch_faults - {point})
             return open_branches(cleared, frozenset({position})) if self.trip else cleared
 
-        on = Change(self.start, where, put_on, place.ends)
+        on = Change(self.start, where, put_on, ends)
         end = self.start + self.duration
         if self.far_duration in (None, self.duration):
             cleared = f"branch {self.branch} tripped" if self.trip else f"{where} cleared"
             return [on, Change(end, cleared, clear)]
         far_end = self.start + (self.far_duration or 0.0)
-        openings = [(end, int(turned)), (far_end, 1 - int(turned))]
-        (first, side), (last, _) = sorted(openings)
-        opened = f"branch {self.branch} opened at bus {place.ends[side]}"
+        (first, side), (last, _) = sorted([(end, int(turned)), (far_end, 1 - int(turned))])
         return [
             on,
-            Change(first, opened, lambda state: place.open_first(state, side)),
+            Change(
+                first,
+                f"branch {self.branch} opened at bus {ends[side]}",
+                lambda state: open_end(state, position, side),
+            ),
             Change(last, f"branch {self.branch} tripped", clear),
         ]
-
-
-@dataclass(frozen=True)
-class _FaultPlace:
-    """Where a fault of a branch is: at a bus, or on the branch where it is inside or beyond a breaker."""
-
-    case: Case
-    position: int
-    fraction: float
-    impedance: complex
-
-    @property
-    def ends(self) -> tuple[int, int]:
-        """Buses of the branch, the case's first one first."""
-        branch = self.case.branches[self.position]
-        return branch.from_bus, branch.to_bus
-
-    @property
-    def end(self) -> int | None:
-        """At which end the fault is; None inside."""
-        return {0.0: 0, 1.0: 1}.get(round(self.fraction, 9))
-
-    @property
-    def point(self) -> BranchFaultPoint:
-        """The fault as one on the branch."""
-        fraction = self.fraction if self.end is None else float(self.end)
-        return BranchFaultPoint(self.position, fraction, self.impedance)
-
-    def bus_of(self, state: NetworkState) -> int | None:
-        """The bus that is faulted; None where the branch alone is."""
-        if self.end is None or OpenEnd(self.position, self.end) in state.open_ends:
-            return None
-        return self.ends[self.end]
-
-    def put_on(self, state: NetworkState) -> NetworkState:
-        """The state with the fault."""
-        bus = self.bus_of(state)
-        if bus is None:
-            return replace(state, branch_faults=state.branch_faults | {self.point})
-        return replace(state, bus_faults=state.bus_faults | {(bus, self.impedance)})
-
-    def put_off(self, state: NetworkState) -> NetworkState:
-        """The state without it."""
-        at_bus = set() if self.end is None else {(self.ends[self.end], self.impedance)}
-        return replace(
-            state,
-            bus_faults=state.bus_faults - at_bus,
-            branch_faults=state.branch_faults - {self.point},
-        )
-
-    def open_first(self, state: NetworkState, end: int) -> NetworkState:
-        """The state with the branch open at `end`; a fault behind the breaker there leaves the bus."""
-        opened = open_end(self.put_off(state), self.position, end)
-        return opened if self.position in opened.branches_out else self.put_on(opened)
 
 
 @dataclass(frozen=True)

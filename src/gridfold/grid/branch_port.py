@@ -4,8 +4,8 @@ Nodes that are no buses are eliminated: of the admittances Y between kept nodes 
 
     Y_port = Y_kk - Y_ke Y_ee^-1 Y_ek
 
-is left (G. Kron; Grainger, Stevenson, Power System Analysis, section 7.2). A node with a bolted fault is
-at zero voltage and simply goes.
+is left (G. Kron; Grainger, Stevenson, Power System Analysis, section 7.2). A node with a bolted fault
+is at zero voltage and simply goes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def two_port(
     branch : Branch
         The branch, with its transformer and what stands at its ends.
     fault : BranchFaultPoint, optional
-        A short circuit inside, or at an end that is open.
+        A short circuit inside, or at an end that is open; one at a closed end is that of a bus.
     open_ends : collection of int
         Ends that are open, 0 or 1: their rows and columns are zero.
 
@@ -40,7 +40,7 @@ def two_port(
     NetworkError
         An open end resonates: no voltage there is finite.
     """
-    inside = fault is not None and 0 < fault.fraction < 1
+    inside = fault is not None and fault.at_end is None
     if fault is not None and inside:
         chain = branch_admittances(split_branch(branch, fault.fraction))
         nodes = [(0, 2), (2, 1)]
@@ -54,8 +54,8 @@ def two_port(
         matrix[second, second] += chain.to_to[part]
     kept = [end for end in (0, 1) if end not in open_ends]
     gone = [*(end for end in (0, 1) if end in open_ends), *([2] if inside else [])]
-    if fault is not None:
-        at = 2 if inside else round(fault.fraction)
+    at = None if fault is None else (2 if fault.at_end is None else fault.at_end)
+    if fault is not None and at in gone:
         if fault.impedance == 0:
             gone.remove(at)
         else:

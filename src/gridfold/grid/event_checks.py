@@ -71,6 +71,12 @@ def close_branch(state: NetworkState, branch: int) -> NetworkState:
     return replace(state, branches_out=state.branches_out - {branch}, open_ends=ends)
 
 
+def place_text(buses: str, areas: str, zones: str) -> str:
+    """What the texts of :func:`chosen_buses` name, in words."""
+    texts = (("buses", buses), ("areas", areas), ("zones", zones))
+    return " and ".join(f"{name} {text}" for name, text in texts if text) or "no place"
+
+
 def chosen_buses(where: str, case: Case, buses: str, areas: str, zones: str) -> frozenset[int]:
     """Numbers of all buses that one of the texts names, each such as ``1-36,78``."""
     texts = {Numbered.BUS: buses, Numbered.AREA: areas, Numbered.ZONE: zones}

@@ -61,7 +61,7 @@ class BusFault:
         opened = branches_at(case, self.bus) if self.trip_bus else frozenset()
 
         def put_on(state: NetworkState) -> NetworkState:
-            if any(bus == self.bus for bus, _ in state.bus_faults):
+            if any(bus == self.bus for bus, _ in state.bus_shorts(case)):
                 raise EventError(f"{where}: the bus is faulted already at {self.start:g} s")
             return replace(state, bus_faults=state.bus_faults | {fault})
 

@@ -9,7 +9,14 @@ from dataclasses import dataclass, replace
 from gridfold.errors import EventError
 from gridfold.grid.case import Case
 from gridfold.grid.change import Change
-from gridfold.grid.event_checks import added, check_bus, check_finite, check_time, chosen_buses
+from gridfold.grid.event_checks import (
+    added,
+    check_bus,
+    check_finite,
+    check_time,
+    chosen_buses,
+    place_text,
+)
 from gridfold.grid.network_state import NetworkState
 
 #: Part of a load that rounding may shed beyond all of it.
@@ -97,8 +104,7 @@ class LoadShed:
 
     @property
     def _place(self) -> str:
-        parts = (("buses", self.buses), ("areas", self.areas), ("zones", self.zones))
-        return " and ".join(f"{name} {text}" for name, text in parts if text) or "no place"
+        return place_text(self.buses, self.areas, self.zones)
 
 
 def shed_load(state: NetworkState, buses: Iterable[int], share: float) -> NetworkState:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gridfold.grid.case import UnitKey
+from gridfold.grid.case import Case, UnitKey
 
 
 class BranchFaultPoint(NamedTuple):
-    """A short circuit inside a branch: position in the case's list, fraction from its first bus."""
+    """A short circuit of a branch: position in the case's list, fraction from its first bus.
+
+    At 0 and 1 it is at the bus, as long as the branch is closed there.
+    """
 
     branch: int
     fraction: float
     impedance: complex
+
+    @property
+    def at_end(self) -> int | None:
+        """The end, 0 or 1, at which it is; None inside."""
+        return int(self.fraction) if self.fraction in (0.0, 1.0) else None
 
 
 class OpenEnd(NamedTuple):
@@ -50,7 +59,7 @@ class NetworkState:
     bus_faults : frozenset of (int, complex)
         Bus number and fault impedance in per unit; 0 is a bolted fault.
     branch_faults : frozenset of BranchFaultPoint
-        Faults inside branches.
+        Faults of branches, which go out with them.
     load_steps : tuple of (int, complex)
         Bus number and all load added there (MW + j Mvar) at the bus's initial voltage, each bus once.
     open_ends : frozenset of OpenEnd
@@ -58,7 +67,7 @@ class NetworkState:
     load_shed : tuple of (int, float)
         Bus number and the part of the case's load there that is shed, each bus once.
     shunts_switched : frozenset of int
-        Positions of fixed shunts that are out though the case has them in, or in though it has them out.
+        Positions of fixed shunts that are out though the case has them in, or the other way round.
     shunt_steps : tuple of (int, complex)
         Bus number and the shunts added there: MW drawn + j Mvar generated at 1 p.u., each bus once.
     settings : tuple of Setting
@@ -88,6 +97,15 @@ class NetworkState:
     def healthy(self) -> NetworkState:
         """The same without short circuits."""
         return replace(self, bus_faults=frozenset(), branch_faults=frozenset())
+
+    def bus_shorts(self, case: Case) -> Iterator[tuple[int, complex]]:
+        """Bus number and impedance of all faults at buses, also those at closed ends of branches."""
+        yield from self.bus_faults
+        for point in self.branch_faults:
+            end = point.at_end
+            if end is not None and OpenEnd(point.branch, end) not in self.open_ends:
+                branch = case.branches[point.branch]
+                yield (branch.to_bus if end else branch.from_bus), point.impedance
 
     @property
     def severed(self) -> frozenset[int]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from gridfold.errors import EventError
-from gridfold.grid.case import Case, Control, Generator
+from gridfold.grid.case import Case, Control, Generator, UnitKey
 from gridfold.grid.change import Change
-from gridfold.grid.event_checks import added, check_finite, chosen_buses
+from gridfold.grid.event_checks import added, check_finite, chosen_buses, place_text
 from gridfold.grid.network_state import NetworkState
 
 #: Power in MW below zero that rounding may leave.
@@ -37,9 +38,7 @@ class Redispatch:
 
     def changes(self, case: Case) -> list[Change]:
         """The dispatch changes at the start."""
-        parts = (("buses", self.buses), ("areas", self.areas), ("zones", self.zones))
-        place = " and ".join(f"{name} {text}" for name, text in parts if text) or "no place"
-        where = f"redispatch in {place}"
+        where = f"redispatch in {place_text(self.buses, self.areas, self.zones)}"
         check_finite(where, active_mw=self.active_mw)
         buses = chosen_buses(where, case, self.buses, self.areas, self.zones)
         slack = {g.bus for g in case.generators if g.control is Control.SLACK}
@@ -59,14 +58,16 @@ class Redispatch:
         return [Change(0.0, f"{where}: {self.active_mw:+g} MW by {count}", apply)]
 
 
-def _require_positive(where: str, units: list[Generator], dispatch: dict[object, float]) -> None:
+def _require_positive(
+    where: str, units: list[Generator], dispatch: Mapping[UnitKey, float]
+) -> None:
     for unit in units:
         power = unit.active_mw + dispatch.get(unit.key, 0.0)
         if power < -_ROUNDING:
             raise EventError(f"{where}: {unit} would give {power:.4g} MW, less than nothing")
 
 
-def redispatched(case: Case, dispatch: dict[object, float]) -> Case:
+def redispatched(case: Case, dispatch: Mapping[UnitKey, float]) -> Case:
     """The case with the units' powers changed by so many MW."""
     generators = tuple(
         replace(g, active_mw=g.active_mw + dispatch[g.key]) if g.key in dispatch else g

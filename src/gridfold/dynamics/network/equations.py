@@ -157,7 +157,8 @@ def build_equations(
     case = power_flow.case
     index = case.bus_index
     n = len(case.buses)
-    altered = state.severed | {point.branch for point in state.branch_faults}
+    inside = {point.branch for point in state.branch_faults if point.at_end is None}
+    altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
     islands = find_islands(case, state.severed, (unit.bus for unit in machines))
     shunt = injections.load.copy()
@@ -170,7 +171,7 @@ def build_equations(
     for bus, admittance in _shunt_changes(case, state):
         shunt[index[bus]] += admittance
     alive = islands.energized.copy()
-    for bus, impedance in state.bus_faults:
+    for bus, impedance in state.bus_shorts(case):
         if impedance == 0:
             alive[index[bus]] = False
         else:
