@@ -5,6 +5,9 @@ deviation of any study-area machine exceeds the threshold, and cheaper ones belo
 has changed, or the threshold has been exceeded for too long, the models move to the new operating
 point.
 
+Where a parameter of a linear unit is set, the detailed model stays in use from then on: the area behind
+ports is reduced for what comes through them.
+
 Linear units know no limits. Where one of theirs is reached the detailed model takes over, or a rung of
 the ladder that is not at a limit.
 """
@@ -288,6 +291,13 @@ class AdaptivePlan:
             return Choice(Mode.DETAILED, "fault on")
         if self.blind:
             return Choice(Mode.DETAILED, self.blind)
+        if model.state.settings:
+            near = set(self.small.family.study_units)
+            far = [item for item in model.state.settings if item.unit not in near]
+            if far:
+                return Choice(
+                    Mode.DETAILED, f"{far[0].name} is set of {far[0].unit}, which is linear"
+                )
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, _NO_EQUILIBRIUM)

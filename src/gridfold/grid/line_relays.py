@@ -27,7 +27,7 @@ class DistanceRelay(Relay):
     bus : int
         The end at which it stands.
     reach_1, delay_1, reach_2, delay_2 : float
-        Reach as a part of the branch, and delay in s, of the two zones.
+        Reach as a part of the branch, and delay in s with the time of the breaker, of the two zones.
     transfer_trip : bool
         Whether the other end opens with it.
     """
@@ -35,9 +35,9 @@ class DistanceRelay(Relay):
     branch: str
     bus: int
     reach_1: float = 0.8
-    delay_1: float = 0.0
+    delay_1: float = 0.05
     reach_2: float = 1.2
-    delay_2: float = 0.3
+    delay_2: float = 0.35
     transfer_trip: bool = False
 
     def elements(self, case: Case) -> list[Element]:

@@ -34,9 +34,13 @@ _SYNONYMS = {
 
 
 def kind_record(kinds: Mapping[str, type], item: Any) -> dict[str, Any]:
-    """A record as a flat mapping with its ``kind``; :func:`from_mapping` reads it back."""
+    """A record as a mapping with its ``kind``; :func:`from_mapping` reads it back.
+
+    What is not given, None or an empty text, is left out.
+    """
     names = {record_type: kind for kind, record_type in kinds.items()}
-    return {"kind": names[type(item)], **asdict(item)}
+    given = {name: value for name, value in asdict(item).items() if value not in (None, "")}
+    return {"kind": names[type(item)], **given}
 
 
 def from_mapping(kinds: Mapping[str, type], record: Mapping[str, Any], where: str) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.branch_port import state_port
+from gridfold.grid.event_checks import branches_at
 from gridfold.grid.measurements import Blinders, Frequency, Level, Measurement, Mho
 from gridfold.simulation.segment import Coordinates
 from gridfold.systems.protocol import System
@@ -166,6 +167,7 @@ class _Seen:
         buses = branch.from_bus, branch.to_bus
         both = self.voltages[:, [case.bus_index[bus] for bus in buses]]
         current = both @ state_port(case, state, position)[end]
+        current = current + self._own_fault(position, end)
         size = branch.ratio**2 if end == 0 else 1.0
         return (
             both[:, end],
@@ -173,6 +175,45 @@ class _Seen:
             size * complex(branch.resistance, branch.reactance),
             buses[end],
         )
+
+    def _own_fault(self, position: int, end: int) -> NDArray[np.complex128]:
+        """Current into a fault of the branch at this end, which is behind the relay, (n,).
+
+        At a bolted fault no voltage drives the shunts of the bus: what machines feed and branches
+        bring there is all that there is.
+        """
+        state, case = self.model.state, self.model.case
+        none = np.zeros(len(self.states), dtype=np.complex128)
+        fault = next((p for p in state.branch_faults if p.branch == position), None)
+        if fault is None or fault.at_end != end:
+            return none
+        branch = case.branches[position]
+        bus = branch.to_bus if end else branch.from_bus
+        if fault.impedance:
+            return np.asarray(self.voltages[:, case.bus_index[bus]] / fault.impedance)
+        total = none - sum((self._into(k, bus) for k in branches_at(case, bus)), none)
+        return np.asarray(total + self._fed(bus))
+
+    def _into(self, position: int, bus: int) -> NDArray[np.complex128]:
+        """Current from a bus into a branch, (n,)."""
+        case = self.model.case
+        branch = case.branches[position]
+        ends = [case.bus_index[branch.from_bus], case.bus_index[branch.to_bus]]
+        port = state_port(case, self.model.state, position)
+        return np.asarray(self.voltages[:, ends] @ port[0 if branch.from_bus == bus else 1])
+
+    def _fed(self, bus: int) -> NDArray[np.complex128]:
+        """Norton current of the machines at a bus, (n,)."""
+        layout, out = self.model.layout, self.model.state.units_out
+        here = [
+            row[:2]
+            for unit, row in zip(layout.source_units, layout.sources, strict=True)
+            if unit.bus == bus and unit not in out
+        ]
+        slots = np.array(here, dtype=np.int64).reshape(-1, 2)
+        parts = self.model.signals(self._lifted(self.states), slots.T.ravel())
+        real, imag = np.split(parts, 2, axis=1)
+        return np.asarray((real + 1j * imag).sum(axis=1))
 
     def _frequency(self, at: int) -> NDArray[np.float64]:
         if self._rates is None:
