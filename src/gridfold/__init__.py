@@ -65,9 +65,18 @@ from gridfold.grid.events import (
     ShuntStep,
     ShuntTrip,
 )
+from gridfold.grid.relays import (
+    DistanceRelay,
+    GeneratorFrequencyTrip,
+    GeneratorVoltageTrip,
+    OutOfStepRelay,
+    SheddingStage,
+    UnderFrequencyShedding,
+    UnderVoltageShedding,
+)
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases
-from gridfold.io.event_records import load_events
+from gridfold.io.event_records import load_events, load_relays
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.steppers import (
     AdamsBashforthMoulton4,
@@ -119,10 +128,13 @@ __all__ = [
     "Control",
     "DetailedModel",
     "DeviceRecord",
+    "DistanceRelay",
     "ErrorEstimate",
     "ErrorEstimator",
     "EventError",
     "Generator",
+    "GeneratorFrequencyTrip",
+    "GeneratorVoltageTrip",
     "GridfoldError",
     "GridfoldWarning",
     "ImplicitTrapezoidal",
@@ -138,6 +150,7 @@ __all__ = [
     "NetworkError",
     "OnLimit",
     "OptionError",
+    "OutOfStepRelay",
     "OutputError",
     "Partition",
     "PowerFlowError",
@@ -146,6 +159,7 @@ __all__ = [
     "RungeKutta4",
     "ScipyReference",
     "SetParameter",
+    "SheddingStage",
     "Shunt",
     "ShuntClose",
     "ShuntStep",
@@ -163,6 +177,8 @@ __all__ = [
     "TimeLimitError",
     "TolerantModel",
     "Trajectory",
+    "UnderFrequencyShedding",
+    "UnderVoltageShedding",
     "UnitKey",
     "Unreduced",
     "Weights",
@@ -181,6 +197,7 @@ __all__ = [
     "load_events",
     "load_psse",
     "load_reduced",
+    "load_relays",
     "load_study",
     "partition",
     "reduce",

@@ -279,6 +279,9 @@ class Study(_Section):
     study_area: StudyArea = StudyArea()
     contingencies: Contingencies = Contingencies()
     contingency: tuple[ContingencySection, ...] = ()
+    relays: tuple[dict[str, Any], ...] = Field(
+        default=(), description="Relays that watch every run, as in a file of relays."
+    )
     model: Model = Model()
     run: Run = Run()
     check: Check = Check()
