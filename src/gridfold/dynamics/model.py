@@ -231,20 +231,25 @@ class DetailedModel:
         every = np.arange(self.layout.n_signals) if slots is None else slots
         return self.compiled.work_along(states, every)
 
-    def bus_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Voltage phasor of every bus in per unit at the states: shape (n_times, n_buses)."""
+    def bus_voltages(
+        self, states: NDArray[np.float64], at: NDArray[np.int64] | None = None
+    ) -> NDArray[np.complex128]:
+        """Voltage phasor of every bus in per unit at the states: shape (n_times, n_buses).
+
+        With `at` (m,) those of the buses at these positions of the case alone, (n_times, m).
+        """
         live = [unit not in self.state.units_out for unit in self.layout.source_units]
         real, imag, terminal = self.layout.sources[live].T
         slots = np.concatenate([real, imag, self.layout.voltage_slots])
         injected, voltages = np.split(self.signals(states, slots), [2 * len(real)], axis=1)
         currents = np.zeros((len(self.layout.terminals), len(states)), dtype=np.complex128)
-        for at, current in zip(terminal, _phasors(injected).T, strict=True):
-            currents[at] += current
+        for place, current in zip(terminal, _phasors(injected).T, strict=True):
+            currents[place] += current
         loads = self.injections.nonlinear
         if loads is not None:
-            at = loads.places(self.layout.terminals)
-            currents[at] += loads.currents(_phasors(voltages)[:, at]).T
-        return self.equations.bus_voltages(currents).T
+            places = loads.places(self.layout.terminals)
+            currents[places] += loads.currents(_phasors(voltages)[:, places]).T
+        return self.equations.bus_voltages(currents, at).T
 
     def terminal_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Voltages of the terminals in per unit at the states: shape (n_times, n_terminals)."""

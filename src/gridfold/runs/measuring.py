@@ -50,11 +50,15 @@ class Meter:
 
     def __post_init__(self) -> None:
         index, voltage = self.model.case.bus_index, self.model.power_flow.voltage
+        watched: set[int] = set()
         for measured in self.measurements:
-            if isinstance(measured, Mho):
+            if isinstance(measured, Level):
+                watched.add(measured.bus)
+            else:
                 branch = self.model.case.branches[measured.branch]
-                bus = branch.to_bus if measured.end else branch.from_bus
-                self.remembered[bus] = complex(voltage[index[bus]])
+                watched |= {branch.from_bus, branch.to_bus}
+        self.remembered |= {bus: complex(voltage[index[bus]]) for bus in watched}
+        self._watched = np.array(sorted(index[bus] for bus in watched), dtype=np.int64)
 
     def margins(
         self,
@@ -70,8 +74,8 @@ class Meter:
         ndarray, shape (n, n_measurements, 2)
             Of blinders those of the outer and the inner ones, of all others the same twice.
         """
-        seen = _Seen(model, system, coordinates, states)
-        result = np.full((len(states), len(self.measurements), 2), BLOCKED)
+        seen = _Seen(model, system, coordinates, states, self._watched)
+        result = np.empty((len(states), len(self.measurements), 2))
         for k, measured in enumerate(self.measurements):
             if isinstance(measured, Level):
                 result[:, k] = seen.level(measured)[:, None]
@@ -116,9 +120,12 @@ class _Seen:
         system: System,
         coordinates: Coordinates | None,
         states: NDArray[np.float64],
+        watched: NDArray[np.int64],
     ):
         self.model, self.system, self.coordinates, self.states = model, system, coordinates, states
-        self.voltages = model.bus_voltages(self._lifted(states))
+        self.watched = watched
+        self.place = {int(position): k for k, position in enumerate(watched)}
+        self.voltages = model.bus_voltages(self._lifted(states), watched)
         self.polarizing: dict[int, NDArray[np.complex128]] = {}
         self._rates: NDArray[np.complex128] | None = None
 
@@ -128,7 +135,7 @@ class _Seen:
         out = measured.unit is not None and measured.unit in self.model.state.units_out
         if out or not self.model.equations.islands.energized[at]:
             return np.full(len(self.states), BLOCKED)
-        value = np.abs(self.voltages[:, at])
+        value = np.abs(self.voltages[:, self.place[at]])
         measurable = np.ones(len(value), dtype=bool)
         if isinstance(measured, Frequency):
             measurable = value >= NO_FREQUENCY
@@ -165,7 +172,7 @@ class _Seen:
             return None
         branch = case.branches[position]
         buses = branch.from_bus, branch.to_bus
-        both = self.voltages[:, [case.bus_index[bus] for bus in buses]]
+        both = self.voltages[:, [self.place[case.bus_index[bus]] for bus in buses]]
         current = both @ state_port(case, state, position)[end]
         current = current + self._own_fault(position, end)
         size = branch.ratio**2 if end == 0 else 1.0
@@ -190,17 +197,21 @@ class _Seen:
         branch = case.branches[position]
         bus = branch.to_bus if end else branch.from_bus
         if fault.impedance:
-            return np.asarray(self.voltages[:, case.bus_index[bus]] / fault.impedance)
-        total = none - sum((self._into(k, bus) for k in branches_at(case, bus)), none)
+            here = self.voltages[:, self.place[case.bus_index[bus]]]
+            return np.asarray(here / fault.impedance)
+        every = self.model.bus_voltages(self._lifted(self.states))
+        total = none - sum((self._into(k, bus, every) for k in branches_at(case, bus)), none)
         return np.asarray(total + self._fed(bus))
 
-    def _into(self, position: int, bus: int) -> NDArray[np.complex128]:
-        """Current from a bus into a branch, (n,)."""
+    def _into(
+        self, position: int, bus: int, voltages: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Current from a bus into a branch, (n,), at the voltages of all buses."""
         case = self.model.case
         branch = case.branches[position]
         ends = [case.bus_index[branch.from_bus], case.bus_index[branch.to_bus]]
         port = state_port(case, self.model.state, position)
-        return np.asarray(self.voltages[:, ends] @ port[0 if branch.from_bus == bus else 1])
+        return np.asarray(voltages[:, ends] @ port[0 if branch.from_bus == bus else 1])
 
     def _fed(self, bus: int) -> NDArray[np.complex128]:
         """Norton current of the machines at a bus, (n,)."""
@@ -223,7 +234,7 @@ class _Seen:
                 for side in (1, -1)
             )
             self._rates = (ahead - behind) / (2 * _MOVE)
-        voltage, rate = self.voltages[:, at], self._rates[:, at]
+        voltage, rate = (rows[:, self.place[at]] for rows in (self.voltages, self._rates))
         with np.errstate(divide="ignore", invalid="ignore"):
             turning = (np.conj(voltage) * rate).imag / np.abs(voltage) ** 2
         return np.asarray(self.model.case.frequency_hz + turning / (2 * np.pi))

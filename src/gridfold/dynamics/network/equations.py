@@ -117,12 +117,17 @@ class NetworkEquations:
         """Voltages of all buses caused by unit currents at the terminals, (n_buses, n_terminals)."""
         return self._solved(np.eye(len(self.terminals), dtype=np.complex128))
 
-    def bus_voltages(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Voltage of every bus, (n_buses, k), from currents at the terminals, (n_terminals, k)."""
+    def bus_voltages(
+        self, currents: NDArray[np.complex128], at: NDArray[np.int64] | None = None
+    ) -> NDArray[np.complex128]:
+        """Voltage of every bus, (n_buses, k), from currents at the terminals, (n_terminals, k).
+
+        With `at` (m,) those of the buses at these positions alone, (m, k).
+        """
         count = len(self.terminals)
         if currents.shape[1] > count and self.n_buses * count <= _DENSE_MAP:
-            return self.voltage_map @ currents
-        return self._solved(currents)
+            return (self.voltage_map if at is None else self.voltage_map[at]) @ currents
+        return self._solved(currents) if at is None else self._solved(currents)[at]
 
     def _solved(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
         present = self.terminals >= 0
