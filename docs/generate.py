@@ -99,6 +99,7 @@ _COLUMNS = {
     "impedance_reactive_mvar": "Reactive power drawn by a constant impedance at 1 p.u. in Mvar",
     "source_resistance": "Resistance behind which a GENCLS stands, in p.u. on `base_mva`",
     "source_reactance": "Reactance behind which a GENCLS stands, in p.u. on `base_mva`",
+    "source": "What drives the unit, for typical data",
     "conductance_mw": "Power drawn at 1 p.u. voltage in MW",
     "susceptance_mvar": "Power generated at 1 p.u. voltage in Mvar (capacitors: positive)",
 }

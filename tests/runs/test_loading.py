@@ -109,7 +109,9 @@ def test_notes_have_no_part_in_comparisons_and_fingerprints():
 def test_unknown_choices_are_refused():
     with pytest.raises(gf.OptionError, match="unsupported must be one of error, classical, drop"):
         own(unsupported="ignore")
-    with pytest.raises(gf.OptionError, match="without_data must be one of error, negative_load"):
+    with pytest.raises(
+        gf.OptionError, match="without_data must be one of error, negative_load, typical"
+    ):
         own(without_data="")
 
 
