@@ -1,10 +1,10 @@
 """Typical data of machines, by kind of unit and size: for generators whose data nobody has.
 
-Constants lie within the ranges of P. Kundur, Power System Stability and Control, 1994: inertias those of
-table 3.2, all others of machines those of table 4.2. For round rotors they are the values of its
-two-area system (example 12.6). The temporary droop and the reset time of hydro governors follow from the
-starting times of water and machine, equations (9.40) and (9.41) there. Exciters and the governors of
-steam and gas turbines are the simplest models of PSS/E with values that are usual in planning cases.
+Constants lie within the ranges of P. Kundur, Power System Stability and Control, 1994: inertias those
+of table 3.2, all others of machines those of table 4.2. For round rotors they are the values of its
+two-area system (example 12.6). The temporary droop and the reset time of hydro governors follow from
+the starting times of water and machine, equations (9.40) and (9.41) there. Exciters and the governors
+of steam and gas turbines are the simplest models of PSS/E with values that are usual in planning cases.
 """
 
 from __future__ import annotations

@@ -13,16 +13,6 @@ from gridfold.io.case_draft import Draft, Row, free_id, islands_without_slack, w
 from gridfold.io.powerio_branches import add_branches, add_three_winding
 
 _CONTROL = {"PQ": Control.POWER, "PV": Control.VOLTAGE, "REF": Control.SLACK}
-#: What drives units, by the words of files.
-_SOURCES = {
-    "coal": EnergySource.STEAM,
-    "nuclear": EnergySource.STEAM,
-    "thermal": EnergySource.STEAM,
-    "hydro": EnergySource.HYDRO,
-    "gas": EnergySource.GAS,
-    "wind": EnergySource.WIND,
-    "solar": EnergySource.SOLAR,
-}
 #: Key under which the row of a generator holds the names of its fields that were blank.
 BLANK_FIELDS = "blank_fields"
 _LEFT_OUT = {
@@ -164,7 +154,7 @@ def _add_generators(draft: Draft) -> None:
             in_service=row["in_service"] and not _at_load_bus(draft, bus),
             source_resistance=float(own.get("psse_zr", 0.0)),
             source_reactance=float(own.get("psse_zx", 1.0)),
-            source=_energy_source(row, own),
+            source=EnergySource.WIND if float(own.get("psse_wmod", 0)) else EnergySource.UNKNOWN,
         )
         if row["in_service"] and not unit.in_service:
             draft.notices.append(_load_bus_notice(unit, place))
@@ -179,13 +169,6 @@ def _add_generators(draft: Draft) -> None:
     draft.notices += _blank_notices(defaulted)
     for unit, place in units:
         draft.add(_with_part(unit, at_bus[unit.bus]), place)
-
-
-def _energy_source(row: Row, own: Mapping[str, str]) -> EnergySource:
-    """What drives a unit: WMOD of a RAW file marks wind plants, other files may tell the fuel."""
-    if float(own.get("psse_wmod", 0)):
-        return EnergySource.WIND
-    return _SOURCES.get(str(row.get("energy_source", "")), EnergySource.UNKNOWN)
 
 
 def _at_load_bus(draft: Draft, bus: Row) -> bool:

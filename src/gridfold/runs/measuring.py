@@ -228,9 +228,9 @@ class _Seen:
 
     def _frequency(self, at: int) -> NDArray[np.float64]:
         if self._rates is None:
-            moves = _MOVE * np.array([self.system.compiled(z) for z in self.states])
+            moves = _MOVE * self.system.compiled.along(self.states)
             ahead, behind = (
-                self.model.bus_voltages(self._lifted(self.states + side * moves))
+                self.model.bus_voltages(self._lifted(self.states + side * moves), self.watched)
                 for side in (1, -1)
             )
             self._rates = (ahead - behind) / (2 * _MOVE)
