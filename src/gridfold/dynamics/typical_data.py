@@ -17,6 +17,10 @@ from gridfold.grid.energy_source import EnergySource
 
 #: Ratings in MVA from which a unit is of medium size, and from which it is large.
 MEDIUM, LARGE = 100.0, 400.0
+#: Power of a turbine at its limit over that of the start, where the start is above the rating.
+RESERVE = 1.2
+#: Parameters of turbines that limit their power.
+_HIGHEST = {"highest_valve", "highest_fuel", "temperature_limit", "highest_gate"}
 #: Water starting time of hydro units in s.
 _WATER = 1.5
 
@@ -115,6 +119,8 @@ class TypicalSet:
         inertia = self.inertia[(generator.base_mva >= MEDIUM) + (generator.base_mva >= LARGE)]
         machine = {**self.constants, "inertia": inertia, "resistance": generator.source_resistance}
         turbine = dict(self.turbine)
+        needed = RESERVE * generator.active_mw / generator.base_mva
+        turbine |= {name: max(turbine[name], needed) for name in _HIGHEST & turbine.keys()}
         if "water_time" in turbine:
             turbine |= hydro_settings(turbine["water_time"], inertia)
         made = ((self.machine, machine), ("sexs", _EXCITER), (self.governor, turbine))

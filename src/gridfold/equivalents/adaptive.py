@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -295,19 +295,29 @@ class AdaptivePlan:
             near = set(self.small.family.study_units)
             far = [item for item in model.state.settings if item.unit not in near]
             if far:
-                return Choice(
-                    Mode.DETAILED, f"{far[0].name} is set of {far[0].unit}, which is linear"
-                )
+                where = f"{far[0].name} of unit {far[0].unit} is set"
+                return Choice(Mode.DETAILED, f"{where}, and small models have the unit linear")
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, _NO_EQUILIBRIUM)
         worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
-        bands = self.rule.bands(family.modes)
+        bands = self.rule.bands(self._allowed(family.modes))
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = _in_band(bands[level], worst)
         return self._looking(
             time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
         )
+
+    def _allowed(self, modes: Sequence[Mode]) -> tuple[Mode, ...]:
+        """The modes with the rung above in the place of one that has the study area linear.
+
+        That is all of them where no relays watch.
+        """
+        allowed: list[Mode] = []
+        for mode in modes:
+            exact = self.protection is None or mode is not Mode.WHOLE
+            allowed.append(mode if exact else (allowed or [Mode.DETAILED])[-1])
+        return tuple(allowed)
 
     def _tell(self, time: float, model: DetailedModel, mode: Mode) -> None:
         """Note how the model came about that is in use from now on, and what is at limits there."""
@@ -398,7 +408,6 @@ def simulate_adaptive(
     blind = ""
     if protection is not None:
         blind = blind_spots(protection.elements, small.family, model.case)
-        rule = replace(rule, whole_deg=0.0)
     plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step, protection, blind)
     ready = clock.perf_counter()
     run = run_plan(plan, stages.x0, method.stepper)
