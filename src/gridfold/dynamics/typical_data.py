@@ -17,7 +17,7 @@ from gridfold.grid.energy_source import EnergySource
 
 #: Ratings in MVA from which a unit is of medium size, and from which it is large.
 MEDIUM, LARGE = 100.0, 400.0
-#: Power of a turbine at its limit over that of the start, where the start is above the rating.
+#: Least limit of a turbine's power over that of the start: units may start above their rating.
 RESERVE = 1.2
 #: Parameters of turbines that limit their power.
 _HIGHEST = {"highest_valve", "highest_fuel", "temperature_limit", "highest_gate"}
