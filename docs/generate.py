@@ -20,6 +20,7 @@ import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.typical_data import LARGE, MEDIUM, TYPICAL
 from gridfold.dynamics.usual_values import ORDERS, RANGES
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import COLUMN_NORM
@@ -204,6 +205,7 @@ def write_all(docs: Path) -> None:
     _write(folder / "relays.md", kind_tables(RELAYS))
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
+    _write(folder / "typical.md", typical_tables())
     _write(folder / "usual-network.md", usual_network())
     _write(folder / "usual-devices.md", usual_devices())
     _write(folder / "usual-orders.md", usual_orders())
@@ -237,6 +239,25 @@ def kind_tables(kinds: Mapping[str, type]) -> str:
         table = _table(("Field", "Type", "Default", "Meaning"), rows)
         text = (event_type.__doc__ or "").split("\n\n")[0].replace("``", "`")
         parts.append(f"### `{kind}`: `gridfold.{event_type.__name__}`\n\n{text}\n\n{table}")
+    return "\n".join(parts)
+
+
+def typical_tables() -> str:
+    """Typical data of each kind of unit."""
+    parts = []
+    for source, chosen in TYPICAL.items():
+        sizes = [
+            chosen.records(Generator(1, base_mva=base)) for base in (MEDIUM / 2, MEDIUM, LARGE)
+        ]
+        for small, medium, large in zip(*sizes, strict=True):
+            every = (small.parameters, medium.parameters, large.parameters)
+            rows = [
+                (f"`{name}`", " / ".join(f"{value:.3g}" for value in dict.fromkeys(values)))
+                for name, values in ((n, [one[n] for one in every]) for n in small.parameters)
+                if name != "resistance"
+            ]
+            table = _table(("Parameter", "Value, of small / medium / large units"), rows)
+            parts.append(f"### {source.value}: {small.model.upper()}\n\n{table}")
     return "\n".join(parts)
 
 
