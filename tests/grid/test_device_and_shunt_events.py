@@ -67,6 +67,10 @@ def test_shares_add_up_and_are_told_in_megawatts(zoned):
         ([gf.SetParameter(3, "inertia")], "give value or change"),
         ([gf.SetParameter(3, "inertia", 1.0, 2.0)], "give value or change"),
         ([gf.SetParameter(3, "inertia", change=0.0)], "change is 0"),
+        (
+            [gf.MachineTrip(3), gf.SetParameter(3, "inertia", 1.0, time=1.0)],
+            "the unit is out of service at 1 s",
+        ),
         ([gf.SetParameter(3, "inertia", 1.0, id="9")], "no such unit in service"),
         ([gf.SetParameter(3, "inertia", 1.0, model="sexs")], "no device 'sexs'; it has: classical"),
         ([gf.Redispatch(10.0, areas="1", zones="77")], "there is no zone 77"),

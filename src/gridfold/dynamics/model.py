@@ -36,7 +36,7 @@ from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.settings import settled
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
-from gridfold.errors import InitializationError
+from gridfold.errors import InitializationError, PowerFlowError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
@@ -204,8 +204,11 @@ class DetailedModel:
         for unit, power in dispatch:
             steps[unit] = steps.get(unit, 0.0) + power
         devices = {block.device.model: block.device for block in self.layout.blocks}
-        solved = solve_power_flow(redispatched(self.case, steps))
-        model = _built(solved, self.backend, devices, self.on_limit, self.loads)
+        try:
+            solved = solve_power_flow(redispatched(self.case, steps))
+            model = _built(solved, self.backend, devices, self.on_limit, self.loads)
+        except (PowerFlowError, InitializationError) as error:
+            raise type(error)(f"after the redispatch: {error}") from None
         return replace(model, state=replace(model.state, dispatch=tuple(dispatch)))
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:

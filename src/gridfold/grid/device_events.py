@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 from gridfold.errors import EventError
@@ -59,6 +58,8 @@ class SetParameter:
             raise EventError(f"{where}: the unit has no device {self.model!r}; it has: {known}")
 
         def apply(state: NetworkState) -> NetworkState:
+            if key in state.units_out:
+                raise EventError(f"{where}: the unit is out of service at {self.time:g} s")
             name = (key, self.model, self.parameter)
             found = {(s.unit, s.model, s.name): s for s in state.settings}
             old = found.get(name, Setting(*name, None, 0.0))
@@ -79,5 +80,5 @@ class SetParameter:
         check_finite(where, **given)
         if not self.parameter:
             raise EventError(f"{where}: parameter is empty")
-        if self.change is not None and math.isclose(self.change, 0.0, abs_tol=0.0):
+        if self.change == 0:
             raise EventError(f"{where}: change is 0, which changes nothing")
