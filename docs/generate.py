@@ -10,7 +10,7 @@ import re
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields
 from enum import Enum
 from pathlib import Path
@@ -20,6 +20,7 @@ import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
 from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.typical_data import LARGE, MEDIUM, TYPICAL
 from gridfold.dynamics.usual_values import ORDERS, RANGES
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import COLUMN_NORM
@@ -27,6 +28,7 @@ from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
 from gridfold.grid.events import EVENTS
 from gridfold.grid.plausible import NETWORK_ROWS
+from gridfold.grid.relays import RELAYS
 from gridfold.io.raw_codes import BASE, POWER_LIMITS
 from gridfold.powerflow.plausible import BALANCE, VOLTAGE
 from gridfold.study.study_file import json_schema
@@ -98,6 +100,7 @@ _COLUMNS = {
     "impedance_reactive_mvar": "Reactive power drawn by a constant impedance at 1 p.u. in Mvar",
     "source_resistance": "Resistance behind which a GENCLS stands, in p.u. on `base_mva`",
     "source_reactance": "Reactance behind which a GENCLS stands, in p.u. on `base_mva`",
+    "source": "What drives the unit, for typical data",
     "conductance_mw": "Power drawn at 1 p.u. voltage in MW",
     "susceptance_mvar": "Power generated at 1 p.u. voltage in Mvar (capacitors: positive)",
 }
@@ -114,8 +117,34 @@ _EVENT_FIELDS = {
     "reactance": "Fault reactance in p.u. on the system base",
     "trip_bus": "Cleared by opening every branch at the bus",
     "trip": "Cleared by opening the branch",
-    "active_mw": "Added active power at the initial voltage, in MW; negative sheds",
+    "far_duration": "Time until it opens at the bus named second, in s; `duration` counts there else",
+    "LoadStep.active_mw": "Added active power at the initial voltage, in MW; negative sheds",
+    "Redispatch.active_mw": "Power that the units give more, in MW",
     "reactive_mvar": "Added reactive power at the initial voltage, in Mvar",
+    "share": "Part of the load at the start",
+    "buses": "Where, by bus numbers such as `1-36,78`",
+    "areas": "Where, by area numbers",
+    "zones": "Where, by zone numbers",
+    "susceptance_mvar": "Reactive power generated at 1 p.u. voltage, in Mvar",
+    "conductance_mw": "Active power drawn at 1 p.u. voltage, in MW",
+    "parameter": "Name of a parameter or a reference of a device",
+    "value": "The new value; this or `change`",
+    "change": "By how much it changes; this or `value`",
+    "model": "Model of the device, where several of the unit have the parameter",
+    "stages": "List of stages `{ pickup = ..., delay = ..., share = ... }`",
+    "measured_at": "Bus that measures for all; by default each bus measures its own",
+    "delay": "Time for which it has to be picked up, in s",
+    "below": "Threshold from above, in p.u. or Hz",
+    "above": "Threshold from below, in p.u. or Hz",
+    "reach_1": "Reach of zone 1 as a part of the branch",
+    "delay_1": "Delay of zone 1 in s, the breaker's time included",
+    "reach_2": "Reach of zone 2 as a part of the branch",
+    "delay_2": "Delay of zone 2 in s, the breaker's time included",
+    "transfer_trip": "Whether the other end opens with it",
+    "outer": "Distance of the outer blinders from the branch, in parts of its impedance",
+    "inner": "Distance of the inner blinders from the branch, in parts of its impedance",
+    "OutOfStepRelay.delay": "Least time between outer and inner blinders, in s",
+    "reach": "By how much the blinders stand out beyond the ends, in parts of the branch",
 }
 
 #: Defaults that depend on other keys.
@@ -172,9 +201,11 @@ def write_all(docs: Path) -> None:
     for device in DEVICES.values():
         _write(folder / f"device-{device.model}.md", device_tables(device))
     _write(folder / "tables.md", case_tables())
-    _write(folder / "events.md", event_tables())
+    _write(folder / "events.md", kind_tables(EVENTS))
+    _write(folder / "relays.md", kind_tables(RELAYS))
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
+    _write(folder / "typical.md", typical_tables())
     _write(folder / "usual-network.md", usual_network())
     _write(folder / "usual-devices.md", usual_devices())
     _write(folder / "usual-orders.md", usual_orders())
@@ -200,14 +231,33 @@ def case_tables() -> str:
     return "\n".join(parts)
 
 
-def event_tables() -> str:
-    """Fields of every kind of event."""
+def kind_tables(kinds: Mapping[str, type]) -> str:
+    """Fields of every kind of event, or of relay."""
     parts = []
-    for kind, event_type in EVENTS.items():
+    for kind, event_type in kinds.items():
         rows = list(_field_rows(event_type, _EVENT_FIELDS))
         table = _table(("Field", "Type", "Default", "Meaning"), rows)
         text = (event_type.__doc__ or "").split("\n\n")[0].replace("``", "`")
         parts.append(f"### `{kind}`: `gridfold.{event_type.__name__}`\n\n{text}\n\n{table}")
+    return "\n".join(parts)
+
+
+def typical_tables() -> str:
+    """Typical data of each kind of unit."""
+    parts = []
+    for source, chosen in TYPICAL.items():
+        sizes = [
+            chosen.records(Generator(1, base_mva=base)) for base in (MEDIUM / 2, MEDIUM, LARGE)
+        ]
+        for small, medium, large in zip(*sizes, strict=True):
+            every = (small.parameters, medium.parameters, large.parameters)
+            rows = [
+                (f"`{name}`", " / ".join(f"{value:.3g}" for value in dict.fromkeys(values)))
+                for name, values in ((n, [one[n] for one in every]) for n in small.parameters)
+                if name != "resistance"
+            ]
+            table = _table(("Parameter", "Value, of small / medium / large units"), rows)
+            parts.append(f"### {source.value}: {small.model.upper()}\n\n{table}")
     return "\n".join(parts)
 
 
@@ -449,6 +499,8 @@ def _kind(hint: Any) -> str:
         hint = next(option for option in typing.get_args(hint) if option is not type(None))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return " / ".join(f"`{member.value}`" for member in hint)
+    if typing.get_origin(hint) is tuple:
+        return "list"
     names = {int: "whole number", float: "number", str: "text", bool: "`true` / `false`"}
     return names[hint]
 

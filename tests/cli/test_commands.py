@@ -344,3 +344,44 @@ def test_what_cannot_be_done_is_refused_before_the_run(
     assert code == 2
     assert said in " ".join(err.split())
     assert not list(tmp_path.iterdir())
+
+
+def test_events_and_relays_act_in_a_run_of_the_command(command, tmp_path, npcc):
+    """The same instants as from Python, in the notices of the JSON."""
+    relays = tmp_path / "relays.toml"
+    relays.write_text(
+        """
+        [[relays]]
+        kind = "distance"
+        branch = "2-33"
+        bus = 2
+        [[relays]]
+        kind = "under-frequency-shedding"
+        areas = "1"
+        measured_at = 3
+        stages = [{ pickup = 59.97, delay = 0.2, share = 0.1 }]
+        """
+    )
+    facts = tmp_path / "facts.json"
+    events = ["redispatch areas=1 active_mw=-50", "load-step bus=3 time=0.5 active_mw=900"]
+    code, _, _ = command(
+        "simulate", "npcc", "--model", "detailed", "--t-end", 4, "--relays", relays,
+        "--event", events[0], "--event", events[1], "--json", facts,
+    )  # fmt: skip
+    assert code == 0
+    record = json.loads(facts.read_text())
+    given = [gf.Redispatch(-50.0, areas="1"), gf.LoadStep(3, 0.5, 900.0), *gf.load_relays(relays)]
+    run = gf.simulate(npcc, given, 4.0)
+    assert record["notices"] == [notice._asdict() for notice in run.notices]
+    assert record["notices"][-1]["text"].startswith(
+        "under-frequency shedding stage 1 (59.97 Hz): 10 %"
+    )
+    assert [event["kind"] for event in record["events"]] == [
+        "redispatch", "load-step", "distance", "under-frequency-shedding",
+    ]  # fmt: skip
+
+
+def test_a_line_trip_is_told_to_be_a_branch_trip(command):
+    code, _, err = command("simulate", "npcc", "--event", "line-trip branch=3-2")
+    assert code == 2
+    assert "unknown kind 'line-trip'; did you mean 'branch-trip'?" in " ".join(err.split())

@@ -376,3 +376,19 @@ def test_a_model_without_states_has_no_eigenvalues_and_says_so(command, tmp_path
     assert code == 0
     assert "has no eigenvalues" in out
     assert json.loads(record.read_text())["modes"] == []
+
+
+def test_typical_data_stand_for_missing_ones_on_request(command, tmp_path):
+    dyr, units = tmp_path / "one.dyr", tmp_path / "units.csv"
+    dyr.write_text(DYR.read_text().replace("   2 'GENCLS' 1     4.0  2.0 /\n", ""))
+    units.write_text("bus,id,source\n2,1,gas\n")
+    assert "--typical" in refusal(command, "simulate", RAW, dyr)
+    given = ("--typical", "--unit-sources", units, "--t-end", 0.1)
+    facts = record(command, "simulate", RAW, dyr, *given)
+    (item,) = facts["replacements"]
+    assert (item["outcome"], item["first"]) == ("typical GENROU, SEXS, GAST (a gas unit)", "2:1")
+    assert facts["validated"] is False
+    text = refusal(command, "simulate", RAW, dyr, "--typical", "--no-data", "negative-load")
+    assert "give --typical or --no-data, not both" in text
+    text = refusal(command, "simulate", RAW, dyr, "--unit-sources", units)
+    assert "--unit-sources has no effect without --typical" in text

@@ -10,7 +10,9 @@ import gridfold as gf
 from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.typical_data import TYPICAL, hydro_settings
 from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+from gridfold.grid.energy_source import EnergySource
 
 GENROU = (6.5, 0.05, 0.6, 0.06, 5.0, 1.0, 1.8, 1.75, 0.3, 0.5, 0.25, 0.15, 0.05, 0.3)
 GENSAL = (6.5, 0.05, 0.06, 5.0, 1.0, 1.8, 1.1, 0.3, 0.25, 0.15, 0.05, 0.3)
@@ -365,6 +367,65 @@ def test_generators_in_service_without_machine_are_refused_or_become_negative_lo
         ("TGOV1", "left out with its machine"): ["2:1"],
         ("no dynamic data", "negative load"): ["2:1"],
     }
+
+
+@pytest.mark.parametrize(
+    ("source", "base_mva", "models", "inertia"),
+    [
+        ("unknown", 80.0, ["genrou", "sexs", "tgov1"], 5.0),
+        ("steam", 100.0, ["genrou", "sexs", "tgov1"], 4.0),
+        ("gas", 400.0, ["genrou", "sexs", "gast"], 5.0),
+        ("hydro", 399.0, ["gensal", "sexs", "hygov"], 3.0),
+        ("wind", 80.0, ["negative_load"], None),
+    ],
+)
+def test_typical_data_go_by_kind_and_size_and_are_told(case, source, base_mva, models, inertia):
+    lacking = replace(case.generators[1], source=EnergySource(source), base_mva=base_mva)
+    other = replace(case, generators=(case.generators[0], lacking, case.generators[2]))
+    found = device_records(other, data(WHOLE[0]), without_data=WithoutData.TYPICAL)
+    records = [record for record in found.records if record.bus == 2]
+    assert [record.model for record in records] == models
+    (item,) = found.replaced
+    assert (item.model, item.share) == ("no dynamic data", pytest.approx(0.6))
+    if inertia is None:
+        assert item.outcome == "negative load, a wind plant"
+    else:
+        assert records[0].parameters["inertia"] == inertia
+        assert records[0].parameters["resistance"] == 0.004
+        assert ("as nothing tells" in item.outcome) == (source == "unknown")
+        built = gf.build_model(replace(other, devices=found.records))
+        assert built.residual < 1e-9
+        assert gf.small_signal(built).rightmost.real < 1e-6
+        assert not [doubt for doubt in built.doubts if "2:1" in str(doubt)]
+
+
+def test_typical_machines_lie_in_the_ranges_of_the_textbook():
+    """Kundur, Power System Stability and Control, tables 3.2 and 4.2: thermal and hydraulic units."""
+    thermal = {
+        "d_reactance": (1.0, 2.3), "q_reactance": (1.0, 2.3), "d_transient_reactance": (0.15, 0.4),
+        "q_transient_reactance": (0.3, 1.0), "subtransient_reactance": (0.12, 0.25),
+        "leakage_reactance": (0.1, 0.2), "d_open_circuit_time": (3.0, 10.0),
+        "q_open_circuit_time": (0.4, 2.0), "d_subtransient_open_circuit_time": (0.02, 0.05),
+        "q_subtransient_open_circuit_time": (0.02, 0.05), "inertia": (2.5, 6.0),
+    }  # fmt: skip
+    hydraulic = {
+        "d_reactance": (0.6, 1.5), "q_reactance": (0.4, 1.0), "d_transient_reactance": (0.2, 0.5),
+        "subtransient_reactance": (0.15, 0.35), "leakage_reactance": (0.1, 0.2),
+        "d_open_circuit_time": (1.5, 9.0), "d_subtransient_open_circuit_time": (0.01, 0.05),
+        "q_subtransient_open_circuit_time": (0.01, 0.09), "inertia": (2.0, 4.0),
+    }  # fmt: skip
+    for source, chosen in TYPICAL.items():
+        ranges = hydraulic if source is EnergySource.HYDRO else thermal
+        for base in (50.0, 200.0, 600.0):
+            machine = chosen.records(gf.Generator(1, base_mva=base))[0].parameters
+            for name, (lowest, highest) in ranges.items():
+                assert lowest <= machine[name] <= highest, (source, name)
+
+
+def test_hydro_settings_follow_from_the_starting_times():
+    """Kundur's example: TW = 2 s, TM = 2 H = 10 s give a droop of 0.43 and a reset time of 9 s."""
+    found = hydro_settings(water=2.0, inertia=5.0)
+    assert found == pytest.approx({"temporary_droop": 0.43, "reset_time": 9.0})
 
 
 def test_user_written_models_are_left_out_and_a_unit_with_nothing_else_is_a_negative_load(case):

@@ -76,12 +76,17 @@ def test_the_linear_run_differs_from_that_with_exact_coupling_by_the_lag(npcc, p
     assert late == pytest.approx(0.6, abs=0.1)  # degrees, as the literature's prototype
 
 
-def test_a_fault_on_a_tie_line_is_refused(npcc, parts, lagged):
+def test_a_fault_on_a_tie_line_acts_as_with_exact_coupling(npcc, parts, lagged):
+    """At the instant of the fault the held voltages are those of the faulted network."""
     tie = npcc.case.branches[parts.tie_lines[0].branch]
     fault = gf.BranchFault(f"{tie.from_bus}-{tie.to_bus}", fraction=0.5, reactance=0.01)
-    faulted = build_timeline(npcc.case, [fault], 1.0)[0].state
-    with pytest.raises(OptionError, match="fault on a tie line needs coupling 'exact'"):
-        lagged.linear(npcc.for_state(faulted))
+    faulted = npcc.for_state(build_timeline(npcc.case, [fault], 1.0)[0].state)
+    rates = []
+    for family in (lagged, reduce_external(parts)):
+        small = family.linear(faulted)
+        rates.append(small.system.compiled(small.coordinates.restrict(npcc.x0))[:50])
+    np.testing.assert_allclose(rates[0], rates[1], atol=1e-9)
+    assert np.abs(rates[0]).max() > 0.1
 
 
 def test_a_stepper_that_cannot_hold_values_is_refused(npcc, lagged):

@@ -24,6 +24,7 @@ import gridfold as gf
 from gridfold.cli.app import app, main
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.dyr import read_dyr
+from gridfold.io.unit_sources import read_unit_sources
 from gridfold.report.study_report import write_report
 from gridfold.report.study_tables import result_table, study_facts
 from gridfold.study.generate import from_table, list_contingencies
@@ -156,6 +157,35 @@ active_mw = 10.0
 
 def _read_events(path: Path) -> None:
     build_timeline(_npcc().case, gf.load_events(path), 16.0)
+
+
+_RELAYS = """[[relays]]
+kind = "under-frequency-shedding"
+areas = "1"
+measured_at = 3
+stages = [{ pickup = 59.3, delay = 0.1, share = 0.05 }, { pickup = 59.0, delay = 0.1, share = 0.1 }]
+[[relays]]
+kind = "distance"
+branch = "3-2"
+bus = 3
+[[relays]]
+kind = "generator-frequency-trip"
+bus = 23
+id = "2"
+delay = 0.5
+above = 61.5
+"""
+
+
+def _read_relays(path: Path) -> None:
+    build_timeline(_npcc().case, gf.load_relays(path), 16.0)
+
+
+_UNITS = "bus,id,source\n23,2,gas\n24,1,hydro\n"
+
+
+def _read_units(path: Path) -> None:
+    read_unit_sources(path, _npcc().case)
 
 
 _STUDY = """schema = 1
@@ -354,6 +384,8 @@ TARGETS: dict[str, Target] = {
             _read_study,
             beside=lambda: {"list.csv": _TABLE.encode()},
         ),
+        Target("relays", lambda: (("relays.toml", _RELAYS.encode()),), _read_relays),
+        Target("units", lambda: (("units.csv", _UNITS.encode()),), _read_units),
         Target("table", lambda: (("list.csv", _TABLE.encode()),), _read_table),
         Target("store", _store, _read_store, text=False),
         _Reduced("reduced", _reduced, _read_reduced, text=False),

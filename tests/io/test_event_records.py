@@ -7,11 +7,13 @@ from hypothesis import strategies as st
 
 import gridfold as gf
 from gridfold.grid.events import EVENTS
-from gridfold.io.event_records import event_from_record, event_record, parse_event
+from gridfold.grid.relays import RELAYS
+from gridfold.io.event_records import event_from_record, event_record, parse_event, relays_of
 
 NUMBERS = st.floats(allow_nan=False)
 BRANCHES = st.sampled_from(["2-3", "3-2:1", "17-4:north"])
 BUSES = st.integers(1, 10**9)
+PLACES = st.sampled_from(["", "1-36,78", "2"])
 ANY_EVENT = st.one_of(
     st.builds(gf.BusFault, BUSES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.booleans()),
     st.builds(gf.BranchFault, BRANCHES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.booleans()),
@@ -19,6 +21,14 @@ ANY_EVENT = st.one_of(
     st.builds(gf.BranchReclose, BRANCHES, NUMBERS),
     st.builds(gf.MachineTrip, BUSES, st.sampled_from(["1", "2", "G1"]), NUMBERS),
     st.builds(gf.LoadStep, BUSES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(gf.BranchFault, BRANCHES, far_duration=st.none() | NUMBERS),
+    st.builds(gf.BranchOpenEnd, BRANCHES, BUSES, NUMBERS),
+    st.builds(gf.LoadShed, NUMBERS, PLACES, PLACES, PLACES, NUMBERS),
+    st.builds(gf.ShuntTrip, BUSES, st.sampled_from(["1", "S1"]), NUMBERS),
+    st.builds(gf.ShuntClose, BUSES, st.sampled_from(["1", "S1"]), NUMBERS),
+    st.builds(gf.ShuntStep, BUSES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(gf.SetParameter, BUSES, st.just("inertia"), st.none() | NUMBERS, st.none() | NUMBERS),
+    st.builds(gf.Redispatch, NUMBERS, PLACES, PLACES),
 )
 
 
@@ -48,12 +58,81 @@ def test_event_written_as_words_reads_back_as_the_event(event):
 
 
 @pytest.mark.parametrize("kind", EVENTS)
-def test_record_has_the_kind_and_every_field(kind):
-    event = EVENTS[kind](7) if kind.startswith(("bus", "mach", "load")) else EVENTS[kind]("7-8")
+def test_record_has_the_kind_and_every_field_that_is_given(kind):
+    samples = {
+        "branch": "7-8", "id": "2", "buses": "7", "areas": "1", "zones": "1", "model": "sexs",
+        "parameter": "inertia", "bus": 1, "trip": False, "trip_bus": True,
+    }  # fmt: skip
+    names = [item.name for item in fields(EVENTS[kind])]
+    event = EVENTS[kind](**{name: samples.get(name, 0.5) for name in names})
     record = event_record(event)
     assert record["kind"] == kind
-    assert set(record) == {"kind", *(item.name for item in fields(event))}
+    assert set(record) == {"kind", *names}
     assert event_from_record(record) == event
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("line-trip", "branch-trip"),
+        ("trip-line", "branch-trip"),
+        ("transformer-trip", "branch-trip"),
+        ("branch-open", "branch-trip"),
+        ("line_fault", "branch-fault"),
+        ("line-reclose", "branch-reclose"),
+        ("gen-trip", "machine-trip"),
+        ("unit-outage", "machine-trip"),
+        ("load-shedding", "load-shed"),
+        ("open-end", "branch-open-end"),
+        ("reference-step", "set"),
+        ("capacitor-trip", "shunt-trip"),
+        ("dispatch", "redispatch"),
+        ("bus-falt", "bus-fault"),
+    ],
+)
+def test_a_kind_in_other_words_is_told_by_its_name(written, meant):
+    with pytest.raises(gf.EventError, match=f"did you mean '{meant}'"):
+        parse_event(f"{written} branch=1-2")
+
+
+def test_relays_read_back_from_their_records():
+    relays = [
+        gf.UnderFrequencyShedding((gf.SheddingStage(59.3, 0.1, 0.05),), areas="1", measured_at=3),
+        gf.UnderVoltageShedding((gf.SheddingStage(0.9, 5.0, 0.1),) * 2, zones="2"),
+        gf.GeneratorVoltageTrip(7, 0.2, below=0.8), gf.GeneratorFrequencyTrip(7, 1.0, 57.0, 62.0, "2"),
+        gf.DistanceRelay("1-2", 1, transfer_trip=True), gf.OutOfStepRelay("1-2:2", 2, outer=3.0),
+    ]  # fmt: skip
+    assert {type(relay) for relay in relays} == set(RELAYS.values())
+    records = json.loads(json.dumps([event_record(relay) for relay in relays]))
+    assert relays_of(records) == relays
+
+
+def test_a_file_of_relays_names_every_one_that_is_wrong(tmp_path):
+    path = tmp_path / "relays.toml"
+    path.write_text(
+        """
+        [[relays]]
+        kind = "distance"
+        branch = "1-2"
+        bus = 1
+        [[relays]]
+        kind = "under-frequency"
+        [[relays]]
+        kind = "under-frequency-shedding"
+        stages = [{ pickup = 59.3, share = 0.05 }]
+        [[relays]]
+        kind = "under-voltage-shedding"
+        stages = 0.9
+        """
+    )
+    with pytest.raises(gf.EventError) as raised:
+        gf.load_relays(path)
+    lines = str(raised.value).splitlines()
+    assert [line.partition("relays.toml: ")[2] for line in lines] == [
+        "relay 2: unknown kind 'under-frequency'; did you mean 'under-frequency-shedding'?",
+        "relay 3: stages 1: a stage needs delay",
+        "relay 4: stages: it is a list of tables, each { pickup = ..., delay = ..., share = ... }",
+    ]
 
 
 @pytest.mark.parametrize(

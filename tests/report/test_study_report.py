@@ -18,6 +18,8 @@ from study_stores import (
     stable,
 )
 
+import gridfold as gf
+from gridfold.io.event_records import event_record
 from gridfold.io.study_store import StudyStore
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.study_file_text import study_file_text
@@ -191,6 +193,30 @@ def test_study_file_is_told_as_toml():
     told = tomllib.loads(study_file_text(content))
     content["case"].pop("dyr")
     assert told == content
+
+
+def test_every_kind_of_event_has_words_of_its_own():
+    events = [
+        gf.BranchFault("3-2", 1.0, 0.1, far_duration=0.4), gf.BranchOpenEnd("3-2", 3, 1.0),
+        gf.LoadShed(0.1, areas="1", buses="7", time=1.0), gf.ShuntTrip(7, "S1", 1.0),
+        gf.ShuntClose(7, time=2.0), gf.ShuntStep(7, 50.0, time=1.0),
+        gf.SetParameter(7, "voltage_reference", 1.02, time=1.0),
+        gf.SetParameter(7, "inertia", change=-0.5, time=1.0), gf.Redispatch(-50.0, zones="3"),
+    ]  # fmt: skip
+    records = [event_record(event) for event in events]
+    assert [event_words(record) for record in records] == [
+        "three-phase fault on branch 3-2 at bus 3 from 1 s for 0.1 s, cleared by tripping the branch; "
+        "its second end opens after 0.4 s",
+        "branch 3-2 opens at bus 3 alone at 1 s",
+        "10 % of the load in buses 7 and areas 1 is shed at 1 s",
+        "shunt 7:S1 trips at 1 s",
+        "shunt 7:1 is closed at 2 s",
+        "a shunt of 50 Mvar and 0 MW is added at bus 7 at 1 s",
+        "voltage_reference of unit 7:1 is set to 1.02 at 1 s",
+        "inertia of unit 7:1 changes by -0.5 at 1 s",
+        "units in zones 3 give -50 MW from the start",
+    ]
+    assert event_places(records[:2]) == {"buses": [3], "branches": [[3, 2, 0.0], [3, 2, None]]}
 
 
 def test_events_in_words_and_places():

@@ -109,7 +109,9 @@ def test_notes_have_no_part_in_comparisons_and_fingerprints():
 def test_unknown_choices_are_refused():
     with pytest.raises(gf.OptionError, match="unsupported must be one of error, classical, drop"):
         own(unsupported="ignore")
-    with pytest.raises(gf.OptionError, match="without_data must be one of error, negative_load"):
+    with pytest.raises(
+        gf.OptionError, match="without_data must be one of error, negative_load, typical"
+    ):
         own(without_data="")
 
 
@@ -184,6 +186,40 @@ def test_texas_system_lacks_data_of_units_alone():
         public(TEXAS)
     (without_data,) = raised.value.faults
     assert without_data.startswith("no machine for generators in service: 98 generators, 9364.4 MW")
+
+
+def test_texas_system_takes_typical_data_for_what_is_no_wind_plant():
+    """The code of the wind machines (WMOD) tells 81 of the 98 units without data."""
+    loaded = public(TEXAS, without_data="typical")
+    found = {item.outcome: item.count for item in loaded.replacements}
+    assert found == {
+        "negative load, a wind plant": 81,
+        "typical GENROU, SEXS, TGOV1 (steam as nothing tells)": 17,
+    }
+    assert loaded.case.replacements == loaded.replacements
+
+
+def test_a_table_tells_what_drives_the_units(tmp_path):
+    dyr, units = tmp_path / "one.dyr", tmp_path / "units.csv"
+    text = (OWN / "dyr" / "plain.dyr").read_text()
+    dyr.write_text(text.replace("   2 'GENCLS' 1     4.0  2.0 /\n", ""))
+    units.write_text("bus,id,source\n2,1,hydro\n")
+    loaded = load_psse(RAW, dyr, without_data="typical", unit_sources=units)
+    assert [item.outcome for item in loaded.replacements] == [
+        "typical GENSAL, SEXS, HYGOV (a hydro unit)"
+    ]
+    assert gf.build_model(loaded.case).residual < 1e-9
+    units.write_text("bus,id,source\n2,1,hydro\n2,1,gas\n9,1,gas\n1,1,coal fire\n")
+    with pytest.raises(gf.CaseFileError) as raised:
+        load_psse(RAW, dyr, without_data="typical", unit_sources=units)
+    faults = [fault.partition("units.csv:")[2] for fault in raised.value.faults]
+    assert [fault.partition(";")[0] for fault in faults] == [
+        "5: source: 'coal fire' is not one of unknown, steam, gas, hydro, wind, solar",
+        "3: unit 2:1 is given twice",
+        "4: there is no unit 9:1 in case revision_33",
+    ]
+    with pytest.raises(gf.OptionError, match="unit_sources is for PSS/E's dynamic data"):
+        gf.load_case("npcc", unit_sources=units)
 
 
 def test_texas_system_has_every_model_of_its_dynamic_data():

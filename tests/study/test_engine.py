@@ -20,12 +20,13 @@ from cases import FALLING
 import gridfold as gf
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
+from gridfold.io.event_records import relays_of
 from gridfold.io.study_store import FILE, StudyStore
 from gridfold.report.study_tables import study_facts
 from gridfold.study import Stage, run_study
 from gridfold.study.check_sample import checked_runs
 from gridfold.study.study_file import parse_study
-from gridfold.study.summary import WALL
+from gridfold.study.summary import WALL, trajectory_figures
 
 SHORT = {
     "schema": 1,
@@ -495,3 +496,46 @@ def test_a_tolerance_and_thresholds_exclude_each_other():
     model = {"kind": "adaptive", "tolerance_deg": 0.3, "angle_deg": 20}
     with pytest.raises(gf.CaseFileError, match="tolerance or angle_deg, not both"):
         parse_study(LADDER | {"model": model})
+
+
+def test_relays_watch_every_run_of_a_study(tmp_path):
+    """A row is that of a run with the relays among its events."""
+    relay = {
+        "kind": "under-frequency-shedding", "areas": "1", "measured_at": 3,
+        "stages": [{"pickup": 59.97, "delay": 0.2, "share": 0.1}],
+    }  # fmt: skip
+    step = {"kind": "load-step", "bus": 3, "time": 0.5, "active_mw": 900.0}
+    study = SHORT | {
+        "contingencies": {},
+        "contingency": [{"name": "load", "events": [step]}],
+        "relays": [relay],
+        "run": {"t_end": 4.0},
+    }
+    run_study(parse_study(study), tmp_path / "watched", count=1)
+    (nadir,) = rows(tmp_path / "watched")["nadir_hz"]
+    model = gf.build_model(gf.load_case("npcc"))
+    watched = [gf.LoadStep(3, 0.5, 900.0), *relays_of([relay])]
+    expected, without = (
+        trajectory_figures(gf.simulate(model, events, 4.0))["nadir_hz"]
+        for events in (watched, watched[:1])
+    )
+    assert nadir == expected
+    assert nadir > without
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"relays": [{"kind": "distance", "branch": "3-2"}]}, "relay 1: distance needs bus"),
+        ({"relays": [{"kind": "distance", "branch": "3-2", "bus": 9}]}, "its ends are buses 3 and 2"),
+        (
+            {"contingency": [{"name": "x", "events": [{"kind": "set", "bus": 21, "parameter": "y",
+                                                       "value": 1.0}]}]},
+            "contingency 'x': y of unit 21:1: no device of the unit has it",
+        ),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_told_before_the_first_contingency(tmp_path, change, message):
+    with pytest.raises(gf.EventError, match=message):
+        run_study(parse_study(SHORT | change), tmp_path / "none", count=1)
+    assert not (tmp_path / "none").exists()

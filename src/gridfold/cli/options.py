@@ -92,6 +92,16 @@ class CaseOptions:
     no_data: Annotated[
         NoData, _case_option(help="Generators without dynamic data: refuse, or negative loads.")
     ] = NoData.ERROR
+    typical: Annotated[
+        bool,
+        _case_option(
+            "--typical", help="Generators without dynamic data: typical data by kind and size."
+        ),
+    ] = False
+    unit_sources: Annotated[
+        Path | None,
+        _case_option(help="Table of what drives the units (bus, id, source), for typical data."),
+    ] = None
     allow_unsupported_network: Annotated[
         bool,
         _case_option(
@@ -114,6 +124,15 @@ class CaseOptions:
 
     def __post_init__(self) -> None:
         LoadModel.parse(self.loads)
+        if self.typical and self.no_data is not NoData.ERROR:
+            raise OptionError("give --typical or --no-data, not both")
+        if self.unit_sources is not None and not self.typical:
+            raise OptionError("--unit-sources has no effect without --typical")
+
+    @property
+    def without_data(self) -> WithoutData:
+        """What becomes of generators without dynamic data."""
+        return WithoutData.TYPICAL if self.typical else WithoutData[self.no_data.name]
 
     @property
     def load_model(self) -> LoadModel:
@@ -126,7 +145,8 @@ class CaseOptions:
             self.case,
             self.dyr,
             unsupported=self.unsupported,
-            without_data=WithoutData[self.no_data.name],
+            without_data=self.without_data,
+            unit_sources=self.unit_sources,
             allow_unsupported_network=self.allow_unsupported_network,
             raw_revision=self.raw_revision,
             strict=self.strict,
@@ -162,8 +182,9 @@ class CaseOptions:
             self.load_model,
             self.on_limit,
             self.unsupported,
-            WithoutData[self.no_data.name],
+            self.without_data,
             self.raw_revision,
+            self.unit_sources,
         )
 
 

@@ -30,7 +30,7 @@ from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
-from gridfold.io.event_records import load_events, parse_event
+from gridfold.io.event_records import load_events, load_relays, parse_event
 from gridfold.io.results import check_target
 from gridfold.report.plots import plot_trajectory
 from gridfold.report.style import check_format
@@ -67,6 +67,8 @@ Examples:
 
   gridfold simulate npcc --events events.toml --t-end 20 --method abm4 --json -
 
+  gridfold simulate npcc --event "load-shed areas=1 share=0.1 time=1" --relays relays.toml
+
   gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
 
   gridfold simulate npcc --fault-bus 3 --model linear --coupling lagged --budget
@@ -101,11 +103,17 @@ class EventOptions:
     events: Annotated[Path | None, _event_option(help="TOML file with \\[\\[event]] tables.")] = (
         None
     )
+    relays: Annotated[
+        Path | None,
+        _event_option(help="TOML file with \\[\\[relays]] tables, which watch the run."),
+    ] = None
 
     def collect(self) -> list[Event]:
-        """All events, that of the --fault-... options first."""
+        """All events, that of the --fault-... options first, and the relays."""
         from_file = [] if self.events is None else load_events(self.events)
-        return self._bus_fault() + from_file + [parse_event(text) for text in self.event or []]
+        relays = [] if self.relays is None else load_relays(self.relays)
+        given = [parse_event(text) for text in self.event or []]
+        return [*self._bus_fault(), *from_file, *given, *relays]
 
     def _bus_fault(self) -> list[Event]:
         """The fault of the --fault-... options; those not given keep the event's own defaults."""

@@ -67,14 +67,8 @@ def initialize(
         A device has no equilibrium, or it is beyond limits and `on_limit` does not say to move them;
         names every such limit.
     """
-    known = _operating_point(layout, power_flow)
     report = _LimitReport(on_limit)
-    x0 = np.zeros(layout.n_states)
-    blocks = list(layout.blocks)
-    order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
-    for k in order:
-        blocks[k], x = _start_block(blocks[k], known, report)
-        x0[blocks[k].state_index] = x
+    blocks, x0, known = _start_all(layout, power_flow, report)
     if report.lines and on_limit is OnLimit.ERROR:
         raise InitializationError(
             "the operating point is beyond limits; correct them, or have them moved there "
@@ -82,6 +76,35 @@ def initialize(
         )
     constants = np.array([known[name] for name in layout.constant_names])
     return Start(replace(layout, blocks=tuple(blocks)), x0, constants, tuple(report.lines))
+
+
+def reference_at_speed(
+    layout: Layout, power_flow: PowerFlowResult, at: int, unit: UnitKey, name: str, speed: float
+) -> float:
+    """Set point `name` with which a unit's governor, block `at`, holds its power at `speed` (p.u.)."""
+    report = _LimitReport(OnLimit.ADJUST)
+    blocks, _, known = _start_all(layout, power_flow, report)
+    block = blocks[at]
+    column = block.units.index(unit)
+    alone = replace(
+        block, units=(unit,), parameters=np.ascontiguousarray(block.parameters[:, [column]])
+    )
+    found, _ = _start_block(alone, {**known, (unit, "speed"): speed}, report)
+    return float(found.parameters[found.device.parameter_rows.index(name), 0])
+
+
+def _start_all(
+    layout: Layout, power_flow: PowerFlowResult, report: _LimitReport
+) -> tuple[list[Block], NDArray[np.float64], Known]:
+    """All blocks with their set points, the states, and all signals by unit and name."""
+    known = _operating_point(layout, power_flow)
+    x0 = np.zeros(layout.n_states)
+    blocks = list(layout.blocks)
+    order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
+    for k in order:
+        blocks[k], x = _start_block(blocks[k], known, report)
+        x0[blocks[k].state_index] = x
+    return blocks, x0, known
 
 
 def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:

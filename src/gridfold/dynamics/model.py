@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +33,15 @@ from gridfold.dynamics.network.loads import (
 from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
+from gridfold.dynamics.settings import settled
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
-from gridfold.errors import InitializationError
+from gridfold.errors import InitializationError, PowerFlowError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.redispatch import redispatched
 from gridfold.grid.timeline import initial_state
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.powerflow.newton import solve_power_flow
@@ -49,6 +52,13 @@ from gridfold.powerflow.rounding import rounding_power
 #: rounding in the network may leave is allowed besides (:func:`good_residual`).
 RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
 _LIMIT_MOVED = "limit moved to the start: "
+
+
+class StartData(NamedTuple):
+    """Layout and injections of a model as its case has them."""
+
+    layout: Layout
+    injections: Injections
 
 
 @dataclass(frozen=True)
@@ -83,6 +93,10 @@ class DetailedModel:
         Data of the case that are hardly meant.
     loads : LoadModel
         How loads depend on voltage.
+    on_limit : OnLimit
+        What was done where the operating point is beyond a limit of a device.
+    start : StartData, optional
+        Layout and injections before the network state changed them.
     """
 
     power_flow: PowerFlowResult
@@ -97,6 +111,8 @@ class DetailedModel:
     warnings: tuple[str, ...] = ()
     loads: LoadModel = field(default_factory=LoadModel)
     doubts: tuple[Doubt, ...] = ()
+    on_limit: OnLimit = OnLimit.ERROR
+    start: StartData | None = field(default=None, repr=False)
 
     @property
     def case(self) -> Case:
@@ -150,14 +166,53 @@ class DetailedModel:
         return np.array([found[unit] for unit in units])
 
     def for_state(self, state: NetworkState) -> DetailedModel:
-        """The same devices on the network in another state."""
+        """The same devices on the network in another state, with the settings of that.
+
+        Another dispatch is solved for anew: the equilibrium `x0` is then another one.
+
+        Raises
+        ------
+        EventError
+            A setting names something that no device has, or gives an impossible value.
+        PowerFlowError, InitializationError
+            There is no equilibrium with another dispatch.
+        """
         if state == self.state:
             return self
-        equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
-        return replace(self, state=state, equations=equations)._recompiled()
+        if state.dispatch != self.state.dispatch:
+            return self._redispatched(state.dispatch).for_state(state)
+        start = self.start or StartData(self.layout, self.injections)
+        layout, injections = start.layout, start.injections.shed(self.case, state.load_shed)
+        if state.settings:
+            layout = settled(layout, state.settings, self.power_flow)
+            injections = replace(injections, machine=_machine_admittances(layout))
+        equations = build_equations(self.power_flow, injections, layout.terminals, state)
+        changed = replace(
+            self,
+            state=state,
+            equations=equations,
+            layout=layout,
+            injections=injections,
+            start=start,
+        )
+        return changed._recompiled()
+
+    def _redispatched(self, dispatch: Sequence[tuple[UnitKey, float]]) -> DetailedModel:
+        """The model at the equilibrium of another dispatch, in the state of the case."""
+        before = dict(self.state.dispatch)
+        steps = {unit: -power for unit, power in before.items()}
+        for unit, power in dispatch:
+            steps[unit] = steps.get(unit, 0.0) + power
+        devices = {block.device.model: block.device for block in self.layout.blocks}
+        try:
+            solved = solve_power_flow(redispatched(self.case, steps))
+            model = _built(solved, self.backend, devices, self.on_limit, self.loads)
+        except (PowerFlowError, InitializationError) as error:
+            raise type(error)(f"after the redispatch: {error}") from None
+        return replace(model, state=replace(model.state, dispatch=tuple(dispatch)))
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
-        """The same devices with other parameters."""
+        """The same devices with other parameters, in this network state."""
         return replace(self, layout=replace(self.layout, blocks=tuple(blocks)))._recompiled()
 
     def _recompiled(self) -> DetailedModel:
@@ -179,20 +234,25 @@ class DetailedModel:
         every = np.arange(self.layout.n_signals) if slots is None else slots
         return self.compiled.work_along(states, every)
 
-    def bus_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Voltage phasor of every bus in per unit at the states: shape (n_times, n_buses)."""
+    def bus_voltages(
+        self, states: NDArray[np.float64], at: NDArray[np.int64] | None = None
+    ) -> NDArray[np.complex128]:
+        """Voltage phasor of every bus in per unit at the states: shape (n_times, n_buses).
+
+        With `at` (m,) those of the buses at these positions of the case alone, (n_times, m).
+        """
         live = [unit not in self.state.units_out for unit in self.layout.source_units]
         real, imag, terminal = self.layout.sources[live].T
         slots = np.concatenate([real, imag, self.layout.voltage_slots])
         injected, voltages = np.split(self.signals(states, slots), [2 * len(real)], axis=1)
         currents = np.zeros((len(self.layout.terminals), len(states)), dtype=np.complex128)
-        for at, current in zip(terminal, _phasors(injected).T, strict=True):
-            currents[at] += current
+        for place, current in zip(terminal, _phasors(injected).T, strict=True):
+            currents[place] += current
         loads = self.injections.nonlinear
         if loads is not None:
-            at = loads.places(self.layout.terminals)
-            currents[at] += loads.currents(_phasors(voltages)[:, at]).T
-        return self.equations.bus_voltages(currents).T
+            places = loads.places(self.layout.terminals)
+            currents[places] += loads.currents(_phasors(voltages)[:, places]).T
+        return self.equations.bus_voltages(currents, at).T
 
     def terminal_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Voltages of the terminals in per unit at the states: shape (n_times, n_terminals)."""
@@ -304,6 +364,7 @@ def _built(
         warnings,
         loads,
         model_doubts(solved, devices),
+        on_limit,
     )
 
 
@@ -340,14 +401,19 @@ def _injections(
         for g, power in zip(case.generators, power_flow.unit_power, strict=True)
         if g.key in absorbed and g.in_service
     }
+    load = np.conj(power_flow.load_power) / squared
+    return Injections(load, negative, _machine_admittances(layout), nonlinear)
+
+
+def _machine_admittances(layout: Layout) -> dict[UnitKey, complex]:
+    """Norton admittance of each machine."""
     machine: dict[UnitKey, complex] = {}
     for block in layout.blocks:
         if block.device.admittance is not None:
             rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
             values = block.device.admittance(rows)
             machine |= dict(zip(block.units, values.tolist(), strict=True))
-    load = np.conj(power_flow.load_power) / squared
-    return Injections(load, negative, machine, nonlinear)
+    return machine
 
 
 def good_residual(power_flow: PowerFlowResult) -> float:

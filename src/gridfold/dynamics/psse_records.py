@@ -17,6 +17,10 @@ A model that gridfold does not have is never replaced in silence. By default it 
 - a machine: GENCLS with H, D and X'd of its record, or a negative load with all its controllers;
 - a converter, and a model of which nothing is known at a unit without a machine: a negative load;
 - a load model: loads stay what they are in the study.
+
+A generator without a machine in the file is an error too, or on request (:class:`WithoutData`) a
+negative load, or a unit with typical data (:mod:`gridfold.dynamics.typical_data`); wind and solar
+plants have none.
 """
 
 from __future__ import annotations
@@ -35,9 +39,11 @@ from gridfold.dynamics.psse_parameters import (
 )
 from gridfold.dynamics.psse_replacements import Tally, replacement
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
+from gridfold.dynamics.typical_data import TYPICAL_DEFAULT, typical_set
 from gridfold.errors import CaseError
 from gridfold.grid.case import Case, DeviceRecord, UnitKey
 from gridfold.grid.dynamic_records import DynamicData, DynamicRecord, SkippedRecord
+from gridfold.grid.energy_source import EnergySource
 from gridfold.grid.replacement import Replacement
 
 _CLASSICAL = "gencls"
@@ -53,7 +59,7 @@ _REPLACE = (
 )
 _ABSORB = (
     '--no-data negative-load (without_data="negative_load") makes generators without a machine '
-    "negative loads"
+    'negative loads; --typical (without_data="typical") gives them typical data by kind and size'
 )
 _ONE_EACH = {
     "machines": (Kind.MACHINE, Kind.CONVERTER),
@@ -87,6 +93,7 @@ class WithoutData(Enum):
 
     ERROR = "error"
     NEGATIVE_LOAD = "negative_load"
+    TYPICAL = "typical"
 
 
 @dataclass(frozen=True)
@@ -166,7 +173,7 @@ def device_records(
     if faults:
         raise CaseError([*faults, *records.comments()], data.file, advice)
     for unit in units.lacking:
-        units.make_negative_load(unit, NO_DATA, _NEGATIVE_LOAD)
+        units.stand_in(unit, without_data)
     for record in records.apart:
         units.leave_out(record)
     notices = (*records.notices(), *units.resolved_texts(), *units.notices)
@@ -344,6 +351,25 @@ class _Units:
         """A negative load in place of a unit, on account of `model`."""
         self.made.append(DeviceRecord(NEGATIVE_LOAD, unit.bus, unit.id))
         self.tally.add(model, outcome, unit)
+
+    def stand_in(self, unit: UnitKey, without_data: WithoutData) -> None:
+        """What stands for a unit without data: typical ones if asked for, else a negative load."""
+        generator = self.generators[unit]
+        chosen = typical_set(generator) if without_data is WithoutData.TYPICAL else None
+        if chosen is None:
+            kind = "" if generator.source is EnergySource.UNKNOWN else generator.source.value
+            typical = without_data is WithoutData.TYPICAL
+            outcome = f"{_NEGATIVE_LOAD}, a {kind} plant" if typical else _NEGATIVE_LOAD
+            self.make_negative_load(unit, NO_DATA, outcome)
+            return
+        records = chosen.records(generator)
+        self.made += records
+        models = ", ".join(record.model.upper() for record in records)
+        source = generator.source
+        known = f"a {source.value} unit"
+        taken = f"{TYPICAL_DEFAULT.value} as nothing tells"
+        why = taken if source is EnergySource.UNKNOWN else known
+        self.tally.add(NO_DATA, f"typical {models} ({why})", unit)
 
     def leave_out(self, record: DynamicRecord) -> None:
         """Count a record of an unsupported model."""

@@ -5,6 +5,9 @@ deviation of any study-area machine exceeds the threshold, and cheaper ones belo
 has changed, or the threshold has been exceeded for too long, the models move to the new operating
 point.
 
+Where a parameter of a linear unit is set, the detailed model stays in use from then on: the area behind
+ports is reduced for what comes through them.
+
 Linear units know no limits. Where one of theirs is reached the detailed model takes over, or a rung of
 the ladder that is not at a limit.
 """
@@ -29,6 +32,7 @@ from gridfold.equivalents.limit_watches import (
     origin_notice,
     passed_notices,
 )
+from gridfold.equivalents.relay_places import blind_spots
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import Band, SwitchingRule
 from gridfold.grid.events import Event
@@ -38,15 +42,14 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.numerics.watch import Watch
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.notices import Notice, in_order, stage_notices
-from gridfold.runs.simulate import ModelStore, SimulationPlan, plan_simulation
+from gridfold.runs.protection import Protection, protection_among
+from gridfold.runs.simulate import INSTANT, ModelStore, SimulationPlan, plan_simulation
 from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import run_plan
 from gridfold.simulation.segment import Piece, Segment
 
-#: Times closer than this (s) are one instant.
-_INSTANT = 1e-9
 #: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
 #: still reached, twice as long.
 LIMIT_DWELL = 0.1
@@ -149,6 +152,8 @@ class AdaptivePlan:
     rule: SwitchingRule
     criterion: SynchronismCriterion | None
     step: float
+    protection: Protection | None = None
+    blind: str = ""
     switches: list[Switch] = field(default_factory=list)
     models: list[DetailedModel] = field(default_factory=list)
     modes: list[Mode] = field(default_factory=list)
@@ -163,9 +168,9 @@ class AdaptivePlan:
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
         """The segment from `time` and the state `x` on."""
-        if time >= self.plan.t_end - _INSTANT:
+        if time >= self.plan.t_end - INSTANT:
             return None
-        stage, model, end = self._stage(time)
+        stage, model, end = self._stage(time, x)
         choice = self._choose(time, model, x)
         mode, reason = choice.mode, choice.reason
         small = None if mode is Mode.DETAILED else self.small.get(model, mode)
@@ -184,7 +189,7 @@ class AdaptivePlan:
             end = min(end, round(time + self.patience, 9))
         if limits is not None and limits.held.names and self.rule.limits:
             end = min(end, round(time + HELD_DWELL, 9))
-        end = min(end, max(choice.until, time + _INSTANT))
+        end = min(end, max(choice.until, time + INSTANT))
         self._log(time, mode, reason, x, model, bool(reached) is not self.at_limit)
         self.at_limit = bool(reached)
         self.models.append(model)
@@ -213,13 +218,19 @@ class AdaptivePlan:
             )
             if 0 < limit < np.inf
         ]
+        system = model if small is None else small.system
+        coordinates = None if small is None else small.coordinates
+        monitor = None
+        if self.protection is not None:
+            monitor = self.protection.monitor(model, system, coordinates)
         return Segment(
-            model if small is None else small.system,
+            system,
             end,
             f"{stage.label} ({mode.value})",
             stops,
             (*switches, *self._limit_watch(limits)),
-            None if small is None else small.coordinates,
+            coordinates,
+            monitor,
         )
 
     def notices(self, pieces: Sequence[Piece]) -> list[Notice]:
@@ -265,24 +276,48 @@ class AdaptivePlan:
             return ()
         return (limits.watch,)
 
-    def _stage(self, time: float) -> tuple[Stage, DetailedModel, float]:
-        now = max(k for k, stage in enumerate(self.plan.stages) if stage.start <= time + _INSTANT)
-        return self.plan.stages[now], self.plan.models[now], self.plan.ends[now]
+    def _stage(self, time: float, x: NDArray[np.float64]) -> tuple[Stage, DetailedModel, float]:
+        """The stage at `time` and the state `x`, after what relays do there."""
+        stage, model, end = self.plan.at(time)
+        if self.protection is not None:
+            while actions := self.protection.actions(time, model, model, None, x):
+                self.plan = self.plan.with_changes(actions)
+                stage, model, end = self.plan.at(time)
+        return stage, model, end
 
     def _choose(self, time: float, model: DetailedModel, x: NDArray[np.float64]) -> Choice:
         if model.state.faulted:
             self.above_since = None
             return Choice(Mode.DETAILED, "fault on")
+        if self.blind:
+            return Choice(Mode.DETAILED, self.blind)
+        if model.state.settings:
+            near = set(self.small.family.study_units)
+            far = [item for item in model.state.settings if item.unit not in near]
+            if far:
+                where = f"{far[0].name} of unit {far[0].unit} is set"
+                return Choice(Mode.DETAILED, f"{where}, and small models have the unit linear")
         family = self.small.family_for(model)
         if family is None:
             return Choice(Mode.DETAILED, _NO_EQUILIBRIUM)
         worst = self.small.watches(model, Mode.DETAILED).largest_deviation(x)
-        bands = self.rule.bands(family.modes)
+        bands = self.rule.bands(self._allowed(family.modes))
         level = next(k for k, band in enumerate(bands) if worst > band.lowest or band.lowest == 0)
         choice = _in_band(bands[level], worst)
         return self._looking(
             time, choice, (level == 0 and len(bands) > 1) or self._first_only(bands)
         )
+
+    def _allowed(self, modes: Sequence[Mode]) -> tuple[Mode, ...]:
+        """The modes with the rung above in the place of one that has the study area linear.
+
+        That is all of them where no relays watch.
+        """
+        allowed: list[Mode] = []
+        for mode in modes:
+            exact = self.protection is None or mode is not Mode.WHOLE
+            allowed.append(mode if exact else (allowed or [Mode.DETAILED])[-1])
+        return tuple(allowed)
 
     def _tell(self, time: float, model: DetailedModel, mode: Mode) -> None:
         """Note how the model came about that is in use from now on, and what is at limits there."""
@@ -309,7 +344,7 @@ class AdaptivePlan:
         look_at = self.above_since + self.rule.longest_above
         if self.looked:
             return choice
-        if time < look_at - _INSTANT:
+        if time < look_at - INSTANT:
             return choice._replace(until=min(choice.until, look_at))
         self.looked = True
         return choice._replace(
@@ -360,7 +395,8 @@ def simulate_adaptive(
         Thresholds; 0 degrees gives the most exact small model and infinity the next one all the
         time.
     events, t_end, stepper, criterion, store
-        As in :func:`gridfold.simulate`.
+        As in :func:`gridfold.simulate`. With relays among the events nothing in the study area is
+        linear; where one of them watches something outside of it, the run is detailed and says so.
     """
     method = fit_stepper(model, stepper)
     small = family if isinstance(family, SmallModels) else SmallModels(family)
@@ -368,21 +404,24 @@ def simulate_adaptive(
     began = clock.perf_counter()
     check_states(model, t_end, method.stepper.step)
     stages = plan_simulation(model, events, t_end, store)
-    plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step)
+    protection = protection_among(events, model)
+    blind = ""
+    if protection is not None:
+        blind = blind_spots(protection.elements, small.family, model.case)
+    plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step, protection, blind)
     ready = clock.perf_counter()
-    run = run_plan(plan, model.x0, method.stepper)
+    run = run_plan(plan, stages.x0, method.stepper)
     notices = plan.notices(run.pieces)
+    notices += [Notice(0.0, f"the detailed model throughout: {blind}")] if blind else []
     done = clock.perf_counter()
     reduction = small.seconds - spent
-    reached = [s for s in stages.stages if s.start <= run.pieces[-1].times[-1] + _INSTANT]
+    reached = plan.plan.reached(float(run.pieces[-1].times[-1]))
     trajectory = Trajectory(
         model=model,
         run=run,
         models=tuple(plan.models),
         events=tuple(events),
-        notices=in_order(
-            *stages.step_notices(method), *stage_notices(reached, stages.models), *notices
-        ),
+        notices=in_order(*stages.step_notices(method), *stage_notices(*reached), *notices),
         stepper=method.stepper,
         criterion=criterion,
         t_end=t_end,

@@ -100,6 +100,10 @@ class ModelFamily(Protocol):
     """Small models about one operating point."""
 
     @property
+    def parts(self) -> Partition:
+        """Study and external area."""
+
+    @property
     def modes(self) -> tuple[Mode, ...]:
         """The models that there are, from the most exact to the cheapest."""
 

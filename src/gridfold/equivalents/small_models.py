@@ -6,7 +6,7 @@ import time as clock
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from threading import Lock, RLock, local
 
 from gridfold.dynamics.equilibrium import find_equilibrium
@@ -17,6 +17,7 @@ from gridfold.equivalents.limit_watches import LinearLimits, linear_limits
 from gridfold.errors import InitializationError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.timeline import initial_state
 
 Topology = tuple[object, ...]
 #: That of the case.
@@ -158,10 +159,7 @@ class SmallModels:
 
 def topology(state: NetworkState, case: Case) -> Topology:
     """What moves the equilibrium: nothing, ``()``, for the intact network, faults aside."""
-    if (state.branches_out, state.units_out, state.load_steps) == (
-        case.branches_out,
-        frozenset(),
-        (),
-    ):
+    healthy = state.healthy
+    if healthy == initial_state(case):
         return INTACT
-    return (state.branches_out, state.units_out, state.load_steps)
+    return tuple(getattr(healthy, item.name) for item in fields(healthy))

@@ -3,6 +3,7 @@
 A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
 the run's outcome lies within its error, the next rung repeats it. The detailed model ends the climb. It
 also takes every run that leads to another topology: to make models for that costs more than the run.
+So it does where relays watch, which may lead there.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
+from gridfold.grid.relays import relays_among
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
 from gridfold.runs.simulate import ModelStore, plan_simulation, simulate
@@ -78,7 +80,8 @@ class TolerantModel:
         rest = (events, t_end, stepper, criterion, known)
         last = plan_simulation(model, events, t_end, known).models[-1]
         attempts: list[Attempt] = []
-        for rule in self.rules if topology(last.state, last.case) == INTACT else ():
+        stays = topology(last.state, last.case) == INTACT and not relays_among(events)
+        for rule in self.rules if stays else ():
             run = simulate_adaptive(model, self.small, rule, *rest)
             attempt = self._judge(run)
             attempts.append(attempt)

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.energy_source import EnergySource
 from gridfold.grid.replacement import Replacement
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
@@ -137,6 +138,8 @@ class Generator:
 
     `source_resistance` and `source_reactance` (PSS/E: ZSORCE, per unit on `base_mva`) are the
     impedance behind which planners' files put the machine; models that bring their own ignore it.
+    `source` tells what drives the unit, where that is known; it plays a part where typical data stand
+    for missing ones.
     """
 
     bus: int
@@ -150,6 +153,7 @@ class Generator:
     in_service: bool = True
     source_resistance: float = field(default=0.0, metadata=_LATER)
     source_reactance: float = field(default=1.0, metadata=_LATER)
+    source: EnergySource = field(default=EnergySource.UNKNOWN, metadata=_LATER)
 
     @property
     def key(self) -> UnitKey:

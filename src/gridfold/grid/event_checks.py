@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
-from gridfold.errors import EventError
+from gridfold.errors import EventError, OptionError
 from gridfold.grid.case import Case
-from gridfold.grid.network_state import NetworkState
+from gridfold.grid.network_state import NetworkState, OpenEnd
+from gridfold.grid.number_ranges import Numbered, numbers_in
+
+Name = TypeVar("Name")
+Size = TypeVar("Size", float, complex)
 
 
 def find_branch(case: Case, name: str, where: str) -> tuple[int, bool]:
@@ -48,7 +54,60 @@ def open_branches(state: NetworkState, branches: frozenset[int]) -> NetworkState
         state,
         branches_out=state.branches_out | branches,
         branch_faults=frozenset(p for p in state.branch_faults if p.branch not in branches),
+        open_ends=frozenset(e for e in state.open_ends if e.branch not in branches),
     )
+
+
+def open_end(state: NetworkState, branch: int, end: int) -> NetworkState:
+    """The state with one end of a branch open; where the other one is open too the branch is out."""
+    if branch in state.branches_out or OpenEnd(branch, 1 - end) in state.open_ends:
+        return open_branches(state, frozenset({branch}))
+    return replace(state, open_ends=state.open_ends | {OpenEnd(branch, end)})
+
+
+def close_branch(state: NetworkState, branch: int) -> NetworkState:
+    """The state with a branch closed at both ends."""
+    ends = frozenset(e for e in state.open_ends if e.branch != branch)
+    return replace(state, branches_out=state.branches_out - {branch}, open_ends=ends)
+
+
+def place_text(buses: str, areas: str, zones: str) -> str:
+    """What the texts of :func:`chosen_buses` name, in words."""
+    texts = (("buses", buses), ("areas", areas), ("zones", zones))
+    return " and ".join(f"{name} {text}" for name, text in texts if text) or "no place"
+
+
+def chosen_buses(where: str, case: Case, buses: str, areas: str, zones: str) -> frozenset[int]:
+    """Numbers of all buses that one of the texts names, each such as ``1-36,78``."""
+    texts = {Numbered.BUS: buses, Numbered.AREA: areas, Numbered.ZONE: zones}
+    if not any(texts.values()):
+        raise EventError(f"{where}: say where, by buses, areas or zones")
+    found: set[int] = set()
+    for kind, text in texts.items():
+        if text:
+            try:
+                numbers = set(numbers_in(case, str(text), f"{kind.value} numbers", kind))
+            except OptionError as error:
+                raise EventError(f"{where}: {error}") from None
+            found |= {bus.number for bus in case.buses if kind.of(bus) in numbers}
+    return frozenset(found)
+
+
+def added(
+    old: tuple[tuple[Name, Size], ...], steps: Mapping[Name, Size]
+) -> tuple[tuple[Name, Size], ...]:
+    """Sizes by name with `steps` added; what is zero then is left out."""
+    sizes = dict(old)
+    for name, step in steps.items():
+        sizes[name] = sizes[name] + step if name in sizes else step
+    return tuple(item for item in sizes.items() if item[1])
+
+
+def check_finite(where: str, **sizes: float) -> None:
+    """Raise unless all sizes are finite numbers."""
+    for name, size in sizes.items():
+        if not math.isfinite(size):
+            raise EventError(f"{where}: {name} must be finite, not {size!r}")
 
 
 def check_time(where: str, name: str, value: float) -> None:
@@ -57,13 +116,11 @@ def check_time(where: str, name: str, value: float) -> None:
         raise EventError(f"{where}: {name} must be 0 s or later, not {value!r}")
 
 
-def check_window(where: str, start: float, duration: float) -> None:
+def check_window(where: str, start: float, duration: float, name: str = "duration") -> None:
     """Raise unless a fault starts at 0 s or later and lasts."""
     check_time(where, "start", start)
     if not (math.isfinite(duration) and duration > 0):
-        raise EventError(
-            f"{where}: duration must be a positive number of seconds, not {duration!r}"
-        )
+        raise EventError(f"{where}: {name} must be a positive number of seconds, not {duration!r}")
 
 
 def check_impedance(where: str, resistance: float, reactance: float) -> None:

@@ -8,16 +8,20 @@ from typing import NamedTuple
 
 from gridfold.errors import EventError
 from gridfold.grid.case import Case
-from gridfold.grid.events import Change, Event
+from gridfold.grid.change import Change, Event
 from gridfold.grid.network_state import NetworkState
 
 
 class Action(NamedTuple):
-    """What brought a stage about: its name, the buses where it acts, whether the state changed."""
+    """What brought a stage about: its name, the buses where it acts, whether the state changed.
+
+    `obstacle` tells why it could not.
+    """
 
     label: str
     buses: tuple[int, ...]
     changed: bool
+    obstacle: str = ""
 
 
 class Stage(NamedTuple):
@@ -40,20 +44,40 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
     Every event is checked before anything is simulated; actions at the same instant (within a
     nanosecond) form one stage, in the order in which the events are given.
     """
+    return compose(case, collect_changes(case, events, t_end))
+
+
+def collect_changes(case: Case, events: Sequence[Event], t_end: float) -> list[Change]:
+    """What the events do, each of which is checked against the case."""
     changes = [change for event in events for change in event.changes(case)]
     for change in changes:
-        if max(change.time, _instant(change)) >= t_end:
+        if max(change.time, instant(change.time)) >= t_end:
             raise EventError(
                 f"{change.label}: it happens at {change.time:g} s, but the run ends at {t_end:g} s"
             )
-    changes.sort(key=_instant)
+    return changes
+
+
+def compose(case: Case, changes: Sequence[Change], unforeseen: bool = False) -> list[Stage]:
+    """Network states that changes lead through.
+
+    With `unforeseen` ones among them, such as those of relays, an event that does not fit any more has
+    no effect; it is an error without.
+    """
     state = initial_state(case)
     stages = [Stage(0.0, "start", state)]
-    for time, together in groupby(changes, key=_instant):
+    in_order = sorted(changes, key=lambda change: instant(change.time))
+    for time, together in groupby(in_order, key=lambda change: instant(change.time)):
         actions = []
         for change in together:
-            before, state = state, change.apply(state)
-            actions.append(Action(change.label, change.buses, state != before))
+            before, obstacle = state, ""
+            try:
+                state = change.apply(state)
+            except EventError as error:
+                if not unforeseen:
+                    raise
+                obstacle = str(error)
+            actions.append(Action(change.label, change.buses, state != before, obstacle))
         label = ", ".join(action.label for action in actions)
         stage = Stage(time, label, state, tuple(actions))
         if time == 0.0:
@@ -63,5 +87,6 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
     return stages
 
 
-def _instant(change: Change) -> float:
-    return round(change.time, 9)
+def instant(time: float) -> float:
+    """A time in s, rounded to what counts as one instant."""
+    return round(time, 9)

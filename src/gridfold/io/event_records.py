@@ -1,45 +1,36 @@
-"""Events as text: TOML files, ``kind name=value ...`` on the command line, records in metadata."""
+"""Events as text: TOML files, ``kind name=value ...`` on the command line, records in metadata.
+
+Relays are read likewise, from TOML files of their own.
+"""
 
 from __future__ import annotations
 
-import typing
-from collections.abc import Mapping
-from dataclasses import MISSING, asdict, fields
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError, EventError
 from gridfold.grid.events import EVENTS, Event
-from gridfold.io.tables import parse_cell, read_toml, suggest
+from gridfold.grid.relays import RELAYS, Relay
+from gridfold.io.kind_records import from_mapping, kind_record
+from gridfold.io.tables import read_toml
 
 
 def event_record(event: Event) -> dict[str, Any]:
     """An event as a flat mapping with its ``kind``; :func:`event_from_record` reads it back."""
-    kinds = {event_type: kind for kind, event_type in EVENTS.items()}
-    return {"kind": kinds[type(event)], **asdict(event)}  # type: ignore[call-overload]
+    return kind_record(RELAYS if isinstance(event, Relay) else EVENTS, event)
 
 
 def event_from_record(record: Mapping[str, Any], where: str = "event") -> Event:
     """Build an event from a mapping such as ``{"kind": "bus-fault", "bus": 3}``."""
-    values = dict(record)
-    kind = values.pop("kind", None)
-    if kind is None:
-        raise EventError(f"{where}: kind is missing; known: {', '.join(EVENTS)}")
-    if not isinstance(kind, str) or kind not in EVENTS:
-        raise EventError(f"{where}: unknown kind {kind!r}; {suggest(str(kind), list(EVENTS))}")
-    event_type = EVENTS[kind]
-    hints = typing.get_type_hints(event_type)
-    names = [item.name for item in fields(event_type)]
-    arguments = {}
-    for name, value in values.items():
-        if name not in names:
-            raise EventError(f"{where}: {kind} has no {name!r}; {suggest(name, names)}")
-        arguments[name] = _convert(value, hints[name], f"{where}: {name}")
-    for item in fields(event_type):
-        if item.default is MISSING and item.name not in arguments:
-            raise EventError(f"{where}: {kind} needs {item.name}")
-    event: Event = event_type(**arguments)
+    event: Event = from_mapping(EVENTS, record, where)
     return event
+
+
+def relay_from_record(record: Mapping[str, Any], where: str = "relay") -> Relay:
+    """Build a relay from a mapping such as ``{"kind": "distance", "branch": "3-2", "bus": 3}``."""
+    relay: Relay = from_mapping(RELAYS, record, where)
+    return relay
 
 
 def parse_event(text: str) -> Event:
@@ -61,27 +52,45 @@ def parse_event(text: str) -> Event:
 
 def load_events(path: str | Path) -> list[Event]:
     """Events from a TOML file of ``[[event]]`` tables, each with its ``kind``."""
+    return [
+        event_from_record(record, f"{path}: event {number}")
+        for number, record in enumerate(_tables(path, "event"), start=1)
+    ]
+
+
+def load_relays(path: str | Path) -> list[Relay]:
+    """Relays from a TOML file of ``[[relays]]`` tables, each with its ``kind``."""
+    return relays_of(_tables(path, "relays"), f"{path}: ")
+
+
+def relays_of(records: Sequence[Mapping[str, Any]], where: str = "") -> list[Relay]:
+    """Relays from mappings.
+
+    Raises
+    ------
+    EventError
+        Names every one that is wrong.
+    """
+    relays, faults = [], []
+    for number, record in enumerate(records, start=1):
+        try:
+            relays.append(relay_from_record(record, f"{where}relay {number}"))
+        except EventError as error:
+            faults.append(str(error))
+    if faults:
+        raise EventError("\n".join(faults))
+    return relays
+
+
+def _tables(path: str | Path, name: str) -> list[dict[str, Any]]:
+    """The tables of that name, which are all there is in a TOML file."""
     try:
         data = read_toml(Path(path))
     except CaseFileError as error:
         raise EventError(f"{path}: {error.faults[0]}") from None
-    unknown = [name for name in data if name != "event"]
-    records = data.get("event")
+    unknown = [other for other in data if other != name]
+    records = data.get(name)
     tables = isinstance(records, list) and all(isinstance(record, dict) for record in records)
     if unknown or not tables or not records:
-        raise EventError(f"{path}: expected [[event]] tables and nothing else")
-    return [
-        event_from_record(record, f"{path}: event {number}")
-        for number, record in enumerate(records, start=1)
-    ]
-
-
-def _convert(value: Any, kind: Any, where: str) -> Any:
-    """Convert a TOML or text value to the type of a field."""
-    if isinstance(value, bool) != (kind is bool) and not isinstance(value, str):
-        raise EventError(f"{where}: {value!r} has the wrong type")
-    text = str(value).lower() if isinstance(value, bool) else str(value)
-    try:
-        return parse_cell(text, kind)
-    except ValueError as error:
-        raise EventError(f"{where}: {error}") from None
+        raise EventError(f"{path}: expected [[{name}]] tables and nothing else")
+    return list(records)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Load, Shunt
+from gridfold.grid.energy_source import EnergySource
 from gridfold.io.case_draft import Draft, Row, free_id, islands_without_slack, without_buses
 from gridfold.io.powerio_branches import add_branches, add_three_winding
 
@@ -153,6 +154,7 @@ def _add_generators(draft: Draft) -> None:
             in_service=row["in_service"] and not _at_load_bus(draft, bus),
             source_resistance=float(own.get("psse_zr", 0.0)),
             source_reactance=float(own.get("psse_zx", 1.0)),
+            source=EnergySource.WIND if float(own.get("psse_wmod", 0)) else EnergySource.UNKNOWN,
         )
         if row["in_service"] and not unit.in_service:
             draft.notices.append(_load_bus_notice(unit, place))

@@ -106,7 +106,7 @@ def external_network(parts: Partition, loads: Sequence[int] = ()) -> ExternalNet
     """
     model, case = parts.model, parts.model.case
     equations = model.equations
-    row = {int(bus): k for k, bus in enumerate(equations.live) if bus < equations.n_buses}
+    row = {int(bus): k for k, bus in enumerate(equations.live)}
     outside = [
         row[k]
         for k, bus in enumerate(case.buses)

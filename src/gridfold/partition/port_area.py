@@ -238,7 +238,7 @@ def _rows(model: DetailedModel) -> dict[int, int]:
     """Row of each live bus, by number, in the network equations."""
     numbers = [bus.number for bus in model.case.buses]
     live = model.equations.live
-    return {numbers[bus]: row for row, bus in enumerate(live.tolist()) if bus < len(numbers)}
+    return {numbers[bus]: row for row, bus in enumerate(live.tolist())}
 
 
 def _port_row(row: dict[int, int], bus: int) -> int:

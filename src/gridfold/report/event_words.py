@@ -17,6 +17,13 @@ def event_words(event: Record) -> str:
         "branch-reclose": lambda e: f"branch {e['branch']} is closed at {e['time']:g} s",
         "machine-trip": lambda e: f"machine {e['bus']}:{e['id']} trips at {e['time']:g} s",
         "load-step": _load_step,
+        "branch-open-end": _open_end,
+        "load-shed": _load_shed,
+        "shunt-trip": lambda e: f"shunt {e['bus']}:{e['id']} trips at {e['time']:g} s",
+        "shunt-close": lambda e: f"shunt {e['bus']}:{e['id']} is closed at {e['time']:g} s",
+        "shunt-step": _shunt_step,
+        "set": _set,
+        "redispatch": _redispatch,
     }
     return words.get(event["kind"], _plainly)(event)
 
@@ -28,7 +35,7 @@ def event_places(events: Iterable[Record]) -> dict[str, Any]:
     for event in events:
         if "bus" in event:
             buses.append(event["bus"])
-        elif "branch" in event:
+        if "branch" in event:
             ends = str(event["branch"]).partition(":")[0].split("-")
             branches.append([int(ends[0]), int(ends[1]), event.get("fraction")])
     return {"buses": list(dict.fromkeys(buses)), "branches": branches}
@@ -46,6 +53,8 @@ def _branch_fault(event: Record) -> str:
         fraction, f", {100 * fraction:g} % of its length from bus {names[0]},"
     )
     end = "cleared by tripping the branch" if event["trip"] else "clears by itself"
+    if event.get("far_duration") is not None:
+        end += f"; its second end opens after {event['far_duration']:g} s"
     return f"{_fault(event)} on branch {event['branch']}{where} {_window(event)}, {end}"
 
 
@@ -64,6 +73,39 @@ def _load_step(event: Record) -> str:
         f"load at bus {event['bus']} changes by {event['active_mw']:g} MW "
         f"and {event['reactive_mvar']:g} Mvar at {event['time']:g} s"
     )
+
+
+def _open_end(event: Record) -> str:
+    return f"branch {event['branch']} opens at bus {event['bus']} alone at {event['time']:g} s"
+
+
+def _load_shed(event: Record) -> str:
+    share = f"{100 * event['share']:g} % of the load in {_selection(event)}"
+    return f"{share} is shed at {event['time']:g} s"
+
+
+def _redispatch(event: Record) -> str:
+    return f"units in {_selection(event)} give {event['active_mw']:+g} MW from the start"
+
+
+def _shunt_step(event: Record) -> str:
+    return (
+        f"a shunt of {event['susceptance_mvar']:g} Mvar and {event['conductance_mw']:g} MW is added at "
+        f"bus {event['bus']} at {event['time']:g} s"
+    )
+
+
+def _set(event: Record) -> str:
+    how = (
+        f"is set to {event['value']:g}" if "value" in event else f"changes by {event['change']:+g}"
+    )
+    unit = f"{event['bus']}:{event['id']}"
+    return f"{event['parameter']} of unit {unit} {how} at {event['time']:g} s"
+
+
+def _selection(event: Record) -> str:
+    names = ("buses", "areas", "zones")
+    return " and ".join(f"{name} {event[name]}" for name in names if event.get(name))
 
 
 def _plainly(event: Record) -> str:

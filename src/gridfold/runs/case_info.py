@@ -20,6 +20,7 @@ from gridfold.grid.doubts import Doubt
 from gridfold.grid.dynamic_records import DynamicData, SkippedRecord
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
+from gridfold.io.unit_sources import read_unit_sources, with_sources
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import Basis, basis_of, basis_of_case
 from gridfold.runs.loading import with_devices
@@ -84,6 +85,7 @@ def examine_files(
     unsupported: Unsupported = Unsupported.ERROR,
     without_data: WithoutData = WithoutData.ERROR,
     raw_revision: int | None = None,
+    unit_sources: str | Path | None = None,
 ) -> CaseInfo:
     """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
 
@@ -93,6 +95,8 @@ def examine_files(
         A file cannot be read, or the network is wrong.
     """
     case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
+    if unit_sources is not None:
+        case = with_sources(case, read_unit_sources(unit_sources, case))
     if dyr is None:
         flow, trouble = _flow(case)
         basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)

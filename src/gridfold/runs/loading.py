@@ -15,6 +15,7 @@ from gridfold.grid.replacement import Replacement
 from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
+from gridfold.io.unit_sources import read_unit_sources, with_sources
 from gridfold.runs.strict import refuse_doubtful_case
 
 Choice = TypeVar("Choice", bound=Enum)
@@ -49,6 +50,7 @@ def load_case(
     *,
     unsupported: Unsupported | str = Unsupported.ERROR,
     without_data: WithoutData | str = WithoutData.ERROR,
+    unit_sources: str | Path | None = None,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
     strict: bool = False,
@@ -65,8 +67,10 @@ def load_case(
         Dynamic data of PSS/E (``.dyr``) for the network; without them it has no devices.
     unsupported : {"error", "classical", "drop"}
         What to do with models in these data that gridfold does not have.
-    without_data : {"error", "negative_load"}
+    without_data : {"error", "negative_load", "typical"}
         What to do with generators in service that have no machine in these data.
+    unit_sources : str or Path, optional
+        Table of what drives the units, columns bus, id and source, for typical data.
     allow_unsupported_network : bool
         Leave out what gridfold has no model for in the network.
     raw_revision : int, optional
@@ -86,6 +90,8 @@ def load_case(
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
+        if unit_sources is not None:
+            raise OptionError(f"unit_sources is for PSS/E's dynamic data, not for {source}")
         case = read_case(source)
     else:
         case = load_psse(
@@ -93,6 +99,7 @@ def load_case(
             dyr,
             unsupported=unsupported,
             without_data=without_data,
+            unit_sources=unit_sources,
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
         ).case
@@ -119,6 +126,7 @@ def load_psse(
     *,
     unsupported: Unsupported | str = Unsupported.ERROR,
     without_data: WithoutData | str = WithoutData.ERROR,
+    unit_sources: str | Path | None = None,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
 ) -> LoadedCase:
@@ -130,7 +138,7 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported, without_data, allow_unsupported_network, raw_revision
+    unsupported, without_data, unit_sources, allow_unsupported_network, raw_revision
         As in :func:`gridfold.load_case`.
 
     Raises
@@ -143,6 +151,8 @@ def load_psse(
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
     case = read_network(raw, allow_unsupported_network, raw_revision)
+    if unit_sources is not None:
+        case = with_sources(case, read_unit_sources(unit_sources, case))
     if dyr is not None:
         case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
     return LoadedCase(case, case.replacements, case.notices)

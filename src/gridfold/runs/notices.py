@@ -48,7 +48,9 @@ def _idle_texts(stage: Stage, before: DetailedModel | None, model: DetailedModel
     if before is not None:
         on = on | before.equations.islands.energized
     for action in stage.actions:
-        if not action.changed:
+        if action.obstacle:
+            yield f"{action.label}: no effect, {action.obstacle}"
+        elif not action.changed:
             yield f"{action.label}: no effect, it was so already"
         elif action.buses and not on[[index[bus] for bus in action.buses]].any():
             yield f"{action.label}: no effect, {_name(action.buses)} de-energized"

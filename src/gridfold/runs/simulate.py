@@ -4,38 +4,77 @@ from __future__ import annotations
 
 import time
 from collections.abc import MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError, StepWarning, warn_caller
-from gridfold.grid.events import Event
+from gridfold.grid.change import Change, Event
 from gridfold.grid.network_state import NetworkState
-from gridfold.grid.timeline import Stage, build_timeline
+from gridfold.grid.timeline import Stage, collect_changes, compose, initial_state
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.method import Choice, fault_doubt, fit_stepper
 from gridfold.runs.notices import Notice, stage_notices
 from gridfold.runs.parts import RowsOnce, Taker
+from gridfold.runs.protection import Protection, protection_among
 from gridfold.runs.size import check_models, check_states, check_times
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
-from gridfold.simulation.run import run_segments
+from gridfold.simulation.run import run_plan
 from gridfold.simulation.segment import Segment
+
+#: Times closer than this (s) are one instant.
+INSTANT = 1e-9
 
 ModelStore = MutableMapping[NetworkState, DetailedModel]
 
 
 @dataclass(frozen=True)
 class SimulationPlan:
-    """A checked disturbance: the stages, the model of each, and the end of the run in seconds."""
+    """A checked disturbance: changes, the stages that they lead through, and the end of the run (s).
 
+    `store` has the models of the stages; those of stages that relays bring about are built when they
+    are reached.
+    """
+
+    model: DetailedModel
+    changes: tuple[Change, ...]
     stages: tuple[Stage, ...]
-    models: tuple[DetailedModel, ...]
     t_end: float
+    store: ModelStore
+
+    @property
+    def models(self) -> tuple[DetailedModel, ...]:
+        """The model of each stage."""
+        return tuple(self._model(stage.state) for stage in self.stages)
 
     @property
     def ends(self) -> tuple[float, ...]:
         """End of each stage in seconds."""
         return (*(stage.start for stage in self.stages[1:]), self.t_end)
+
+    @property
+    def x0(self) -> NDArray[np.float64]:
+        """The state at the start: the equilibrium of the dispatch."""
+        return self._model(self.stages[0].state).x0
+
+    def at(self, time: float) -> tuple[Stage, DetailedModel, float]:
+        """The stage at `time` (s), its model, and its end."""
+        now = max(k for k, stage in enumerate(self.stages) if stage.start <= time + INSTANT)
+        return self.stages[now], self._model(self.stages[now].state), self.ends[now]
+
+    def reached(self, time: float) -> tuple[tuple[Stage, ...], tuple[DetailedModel, ...]]:
+        """Stages up to `time` (s), and their models."""
+        stages = tuple(stage for stage in self.stages if stage.start <= time + INSTANT)
+        return stages, tuple(self._model(stage.state) for stage in stages)
+
+    def with_changes(self, changes: Sequence[Change]) -> SimulationPlan:
+        """The same with what relays do besides; an event that does not fit any more has no effect."""
+        every = (*self.changes, *changes)
+        stages = tuple(compose(self.model.case, every, unforeseen=True))
+        return replace(self, changes=every, stages=stages)
 
     def step_notices(self, method: Choice) -> tuple[Notice, ...]:
         """What speaks against the time step, for this model and for the shortest fault; that warns."""
@@ -47,8 +86,15 @@ class SimulationPlan:
         doubt = fault_doubt(method.stepper, min(faults)) if faults else None
         if doubt is not None:
             warn_caller(doubt, StepWarning)
-        doubts = method.doubts if doubt is None else (*method.doubts, doubt)
-        return tuple(Notice(0.0, text) for text in doubts)
+        return tuple(Notice(0.0, text) for text in (*method.doubts, doubt) if text is not None)
+
+    def _model(self, state: NetworkState) -> DetailedModel:
+        if state not in self.store:
+            start = replace(initial_state(self.model.case), dispatch=state.dispatch)
+            if start not in self.store:
+                self.store[start] = self.model.for_state(start)
+            self.store[state] = self.store[start].for_state(state)
+        return self.store[state]
 
 
 def plan_simulation(
@@ -64,12 +110,37 @@ def plan_simulation(
     if not (0 < t_end < float("inf")):
         raise OptionError(f"the end time must be a positive number of seconds, not {t_end!r}")
     store = {} if store is None else store
-    stages = build_timeline(model.case, events, t_end)
+    changes = collect_changes(model.case, events, t_end)
+    stages = tuple(compose(model.case, changes))
     check_models(model, len({stage.state for stage in stages} - store.keys()))
+    plan = SimulationPlan(model, tuple(changes), stages, t_end, store)
     for stage in stages:
-        if stage.state not in store:
-            store[stage.state] = model.for_state(stage.state)
-    return SimulationPlan(tuple(stages), tuple(store[stage.state] for stage in stages), t_end)
+        plan.at(stage.start)
+    return plan
+
+
+@dataclass
+class _DetailedPlan:
+    """The plan of a detailed run: a segment a stage, and those that relays bring about."""
+
+    plan: SimulationPlan
+    criterion: SynchronismCriterion | None
+    protection: Protection | None
+    models: list[DetailedModel] = field(default_factory=list)
+
+    def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
+        """The segment from `time` and the state `x` on."""
+        if time >= self.plan.t_end - INSTANT:
+            return None
+        stage, model, end = self.plan.at(time)
+        if self.protection is not None:
+            while actions := self.protection.actions(time, model, model, None, x):
+                self.plan = self.plan.with_changes(actions)
+                stage, model, end = self.plan.at(time)
+        self.models.append(model)
+        stops = () if self.criterion is None else self.criterion.stops(model)
+        watch = None if self.protection is None else self.protection.monitor(model, model, None)
+        return Segment(model, end, stage.label, stops, monitor=watch)
 
 
 def simulate(
@@ -88,7 +159,7 @@ def simulate(
     model : DetailedModel
         From :func:`gridfold.build_model`.
     events : sequence of events
-        What happens; all of them are checked before anything runs.
+        What happens, and relays that watch the run; all of them are checked before anything runs.
     t_end : float
         End of the run in seconds.
     stepper : Stepper, optional
@@ -125,24 +196,21 @@ def simulate(
     else:
         check_states(model, t_end, method.stepper.step)
     plan = plan_simulation(model, events, t_end, store)
-    segments = [
-        Segment(system, end, stage.label, () if criterion is None else criterion.stops(system))
-        for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True)
-    ]
+    steps = _DetailedPlan(plan, criterion, protection_among(events, model))
     ready = time.perf_counter()
     rows = RowsOnce(takers) if takers else None
-    run = run_segments(segments, model.x0, method.stepper, sink=rows)
+    run = run_plan(steps, plan.x0, method.stepper, sink=rows)
     if rows is not None:
         rows.finish()
     done = time.perf_counter()
     return Trajectory(
         model=model,
         run=run,
-        models=plan.models,
+        models=tuple(steps.models),
         events=tuple(events),
         notices=(
             *plan.step_notices(method),
-            *stage_notices(plan.stages[: len(run.pieces)], plan.models),
+            *stage_notices(*steps.plan.reached(float(run.pieces[-1].times[-1]))),
         ),
         stepper=method.stepper,
         criterion=criterion,

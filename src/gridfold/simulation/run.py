@@ -21,6 +21,8 @@ from gridfold.systems.status import Status
 
 #: Rows of a solution in closed form that are computed before the watches look at them.
 BLOCK = 256
+#: Times closer than this (s) are one instant.
+_INSTANT = 1e-9
 #: Bytes of the states of a piece that is handed on.
 _HANDED_ON = 2**24
 
@@ -114,6 +116,48 @@ class _Part:
 def _carry(
     segment: Segment, times: NDArray[np.float64], z: NDArray[np.float64], stepper: Stepper
 ) -> _Part:
+    """The segment's system from the state `z` along `times`, as far as its monitor lets it."""
+    if segment.monitor is None:
+        return _step(segment, times, z, stepper)
+    parts: list[_Part] = []
+    rows = max([BLOCK, *(4 * getattr(watch, "steps", 1) for watch in segment.switches)])
+    for start in range(0, len(times) - 1, rows):
+        part = _step(segment, times[start : start + rows + 1], z, stepper)
+        until = segment.monitor.look(part.piece.times, part.piece.states)
+        parts.append(part if until is None else _cut(segment, part, until, stepper))
+        z = parts[-1].end
+        if parts[-1].fired:
+            break
+    return _joined(segment, parts)
+
+
+def _cut(segment: Segment, part: _Part, until: float, stepper: Stepper) -> _Part:
+    """The part up to the time `until` (s), with a shorter last step where no row is there."""
+    times, states = part.piece.times, part.piece.states
+    if part.fired and until >= times[-1] - _INSTANT:
+        return part
+    kept = int(np.searchsorted(times, until - _INSTANT))
+    if times[kept] <= until + _INSTANT:
+        short = Piece(segment, times[: kept + 1], states[: kept + 1], part.piece.seconds)
+        return _Part(short, states[kept], fired=True)
+    before = Piece(segment, times[:kept], states[:kept], part.piece.seconds)
+    last = np.array([times[kept - 1], until])
+    rest = _step(segment, last, states[kept - 1], stepper)
+    return replace(_joined(segment, [_Part(before, states[kept - 1]), rest]), fired=True)
+
+
+def _joined(segment: Segment, parts: Sequence[_Part]) -> _Part:
+    """Parts that follow one another as one."""
+    pieces = [part.piece for part in parts]
+    times = np.concatenate([pieces[0].times[:1], *(piece.times[1:] for piece in pieces)])
+    states = np.concatenate([pieces[0].states[:1], *(piece.states[1:] for piece in pieces)])
+    seconds = sum(piece.seconds for piece in pieces)
+    return replace(parts[-1], piece=Piece(segment, times, states, seconds))
+
+
+def _step(
+    segment: Segment, times: NDArray[np.float64], z: NDArray[np.float64], stepper: Stepper
+) -> _Part:
     """The segment's system from the state `z` along `times`."""
     began = clock.perf_counter()
     result = _integrate(segment, times, z, stepper)
@@ -141,16 +185,16 @@ def _hand_on(
 ) -> _Part:
     """The same in pieces that `sink` takes; what is left is a piece with both ends."""
     rows = max(_HANDED_ON // (8 * max(len(z), 1)), BLOCK)
-    begin, seconds, taken = z, 0.0, 0
+    begin, seconds, taken, last = z, 0.0, 0, times[0]
     for start in range(0, len(times) - 1, rows):
         part = _carry(segment, times[start : start + rows + 1], z, stepper)
         sink.take(part.piece)
         seconds += part.piece.seconds
         taken += part.piece.step_count
-        z = part.end
+        z, last = part.end, part.piece.times[-1]
         if part.fired:
             break
-    ends = times[[0, taken]]
+    ends = np.array([times[0], last])
     return replace(part, piece=Piece(segment, ends, np.array([begin, z]), seconds, taken))
 
 

@@ -44,6 +44,17 @@ class Stop(NamedTuple):
     status: Status
 
 
+class Monitor(Protocol):
+    """Looks at the states of a segment once they are there, and may end it earlier."""
+
+    def look(self, times: NDArray[np.float64], states: NDArray[np.float64]) -> float | None:
+        """When the segment ends (s), after the first of `times` (n,); None where it goes on.
+
+        `states` (n, r) are those of the segment's system. It is asked with one row after the other, the
+        last row of one call being the first of the next.
+        """
+
+
 @dataclass(frozen=True)
 class Segment:
     """One smooth piece of a run.
@@ -63,6 +74,8 @@ class Segment:
         Conditions that end the segment; the plan then says what follows.
     coordinates : Coordinates, optional
         Where the system's states are not those of the whole system.
+    monitor : Monitor, optional
+        What looks at the states, a few hundred rows at a time.
     """
 
     system: System
@@ -71,6 +84,7 @@ class Segment:
     stops: tuple[Stop, ...] = ()
     switches: tuple[Watch, ...] = ()
     coordinates: Coordinates | None = None
+    monitor: Monitor | None = None
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """State of the segment's system at the state `x` of the whole."""

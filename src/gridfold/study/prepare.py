@@ -15,6 +15,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
 from gridfold.dynamics.plausible import naming_doubts
+from gridfold.dynamics.settings import settled
 from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.choice import Family, ModelSettings
@@ -26,11 +27,13 @@ from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.equivalents.tolerant import TolerantModel
-from gridfold.errors import OptionError, StepWarning, warn_caller
+from gridfold.errors import EventError, OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
 from gridfold.grid.number_ranges import Numbered, as_ranges, numbers_in
-from gridfold.grid.timeline import initial_state
+from gridfold.grid.relays import Relay
+from gridfold.grid.timeline import build_timeline, initial_state
+from gridfold.io.event_records import relays_of
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, partition, study_buses
@@ -128,6 +131,7 @@ class Prepared:
     intact: ModelStore
     time_limit: float | None = None
     tolerant: TolerantModel | None = None
+    relays: tuple[Relay, ...] = ()
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -154,11 +158,14 @@ def do_offline_work(
     case = load_grid(study, named.folder)
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, named.folder)
+    for relay in relays_of(study.relays):
+        relay.changes(case)
     with naming_doubts(case):
         power_flow = solve_power_flow(case)
     model = _build(study, case, power_flow, load_devices(named.own_code))
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
+    _check_settings(study, model, contingencies)
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
     for doubt in method.doubts:
@@ -182,9 +189,22 @@ def load_grid(study: Study, folder: Path) -> Case:
         dyr,
         unsupported=wanted.unsupported,
         without_data=wanted.without_data,
+        unit_sources=None if wanted.unit_sources is None else folder / wanted.unit_sources,
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
     )
+
+
+def _check_settings(
+    study: Study, model: DetailedModel, contingencies: tuple[Contingency, ...]
+) -> None:
+    """Raise an EventError where a contingency sets something that no device has."""
+    for item in contingencies:
+        for stage in build_timeline(model.case, item.events, study.run.t_end):
+            try:
+                settled(model.layout, stage.state.settings, model.power_flow)
+            except EventError as error:
+                raise EventError(f"contingency {item.name!r}: {error}") from None
 
 
 def prepare(offline: Offline) -> Prepared:
@@ -214,7 +234,10 @@ def prepare(offline: Offline) -> Prepared:
             small.limits(model, mode)
     rule = offline.settings.rule
     method, limit = offline.method, offline.time_limit
-    return Prepared(study, model, method, criterion, parts, small, rule, intact, limit, tolerant)
+    relays = tuple(relays_of(study.relays))
+    return Prepared(
+        study, model, method, criterion, parts, small, rule, intact, limit, tolerant, relays
+    )
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:

@@ -105,8 +105,13 @@ class _Solver:
         """Small models, shared by all contingencies."""
         return self.prepared.small
 
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happens, and the relays that watch."""
+        return (*self.task.contingency.events, *self.prepared.relays)
+
     def solve(self, began: float) -> Solved:
-        events = self.task.contingency.events
+        events = self.events
         switches: tuple[Switch, ...] = ()
         figures: dict[str, Any] = {}
         if self.small is None:
@@ -160,7 +165,7 @@ class _Solver:
         self, run: Trajectory, found: dict[str, Any], small: SmallModels
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Errors of a run and its figures, and the curves of a detailed and of a linear run."""
-        events = self.task.contingency.events
+        events = self.events
         detailed = self._detailed(events)
         linear = self._adaptive(small, SwitchingRule(inf), events).trajectory
         curves = self._angles(detailed, "detailed") | self._angles(linear, "linear")
@@ -220,7 +225,8 @@ class _Solver:
         store: ModelStore | None,
         /,
     ) -> Trajectory:
-        """The study's model, with the models that this contingency has built."""
+        """The study's model, with the models that this contingency has built, and its relays."""
+        events = (*events, *self.prepared.relays)
         if self.small is None:
             return simulate(model, events, t_end, stepper, criterion, self.store)
         rest = (events, t_end, stepper, criterion, self.store)

@@ -73,6 +73,9 @@ class CaseSection(_Section):
     without_data: WithoutData = Field(
         default=WithoutData.ERROR, description="What with machines that have no dynamic data."
     )
+    unit_sources: str | None = Field(
+        default=None, description="Table of what drives the units, for typical data."
+    )
     allow_unsupported_network: bool = Field(
         default=False, description="Leave out parts of the network that are not supported."
     )
@@ -279,6 +282,9 @@ class Study(_Section):
     study_area: StudyArea = StudyArea()
     contingencies: Contingencies = Contingencies()
     contingency: tuple[ContingencySection, ...] = ()
+    relays: tuple[dict[str, Any], ...] = Field(
+        default=(), description="Relays that watch every run, as in a file of relays."
+    )
     model: Model = Model()
     run: Run = Run()
     check: Check = Check()

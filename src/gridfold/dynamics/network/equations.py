@@ -7,7 +7,7 @@ machine is de-energized: its voltages are zero and its load is lost.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +18,8 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from gridfold.dynamics.network.loads import NonlinearLoads
 from gridfold.errors import NetworkError
-from gridfold.grid.admittance import branch_admittances, bus_admittance, split_branch
+from gridfold.grid.admittance import bus_admittance
+from gridfold.grid.branch_port import state_port
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.islands import Islands, find_islands
 from gridfold.grid.network_state import NetworkState
@@ -52,6 +53,19 @@ class Injections:
     machine: Mapping[UnitKey, complex]
     nonlinear: NonlinearLoads | None = None
 
+    def shed(self, case: Case, shed: Collection[tuple[int, float]]) -> Injections:
+        """The same with parts of the load at some buses (number, part) gone."""
+        if not shed:
+            return self
+        left = np.ones(len(case.buses))
+        for bus, part in shed:
+            left[case.bus_index[bus]] -= part
+        loads = self.nonlinear
+        if loads is not None:
+            here = left[[case.bus_index[bus] for bus in loads.buses]]
+            loads = replace(loads, power=loads.power * here, current=loads.current * here)
+        return replace(self, load=self.load * left, nonlinear=loads)
+
 
 @dataclass(frozen=True)
 class NetworkEquations:
@@ -62,7 +76,7 @@ class NetworkEquations:
     matrix : sparse array, shape (n_live, n_live)
         Admittances, of which all nodes that are dead or at zero voltage have been removed.
     live : ndarray of int, shape (n_live,)
-        Position of each row among the buses; nodes inside branches come after the last bus.
+        Position of each row among the buses.
     terminals : ndarray of int, shape (n_terminals,)
         Row of each machine terminal; -1 where its voltage is zero.
     n_buses : int
@@ -103,24 +117,27 @@ class NetworkEquations:
         """Voltages of all buses caused by unit currents at the terminals, (n_buses, n_terminals)."""
         return self._solved(np.eye(len(self.terminals), dtype=np.complex128))
 
-    def bus_voltages(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Voltage of every bus, (n_buses, k), from currents at the terminals, (n_terminals, k)."""
+    def bus_voltages(
+        self, currents: NDArray[np.complex128], at: NDArray[np.int64] | None = None
+    ) -> NDArray[np.complex128]:
+        """Voltage of every bus, (n_buses, k), from currents at the terminals, (n_terminals, k).
+
+        With `at` (m,) those of the buses at these positions alone, (m, k).
+        """
         count = len(self.terminals)
         if currents.shape[1] > count and self.n_buses * count <= _DENSE_MAP:
-            return self.voltage_map @ currents
-        return self._solved(currents)
+            return (self.voltage_map if at is None else self.voltage_map[at]) @ currents
+        return self._solved(currents) if at is None else self._solved(currents)[at]
 
     def _solved(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
         present = self.terminals >= 0
         injected = np.zeros((len(self.live), currents.shape[1]), dtype=np.complex128)
         injected[self.terminals[present]] = currents[present]
         voltage = np.zeros((self.n_buses, currents.shape[1]), dtype=np.complex128)
-        real_buses = self.live < self.n_buses
-        places = self.live[real_buses]
         for first in range(0, injected.shape[1], _TOGETHER):
             few = slice(first, first + _TOGETHER)
             solved = self.factors.solve(np.ascontiguousarray(injected[:, few]))
-            voltage[places, few] = solved[real_buses]
+            voltage[self.live, few] = solved
         return voltage
 
     def terminal_impedance(self) -> NDArray[np.complex128]:
@@ -145,9 +162,10 @@ def build_equations(
     case = power_flow.case
     index = case.bus_index
     n = len(case.buses)
-    faulted = {point.branch for point in state.branch_faults}
+    inside = {point.branch for point in state.branch_faults if point.at_end is None}
+    altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
-    islands = find_islands(case, state.branches_out, (unit.bus for unit in machines))
+    islands = find_islands(case, state.severed, (unit.bus for unit in machines))
     shunt = injections.load.copy()
     for unit, admittance in (*injections.negative_load.items(), *machines.items()):
         if unit not in state.units_out:
@@ -155,68 +173,51 @@ def build_equations(
     for bus, power in state.load_steps:
         squared = abs(power_flow.voltage[index[bus]]) ** 2
         shunt[index[bus]] += np.conj(power) / case.base_mva / squared
-    extra, grounded, size = _fault_entries(case, state, shunt)
-    matrix = bus_admittance(case, state.branches_out | faulted)
-    rows, columns, values = extra
+    for bus, admittance in _shunt_changes(case, state):
+        shunt[index[bus]] += admittance
+    alive = islands.energized.copy()
+    for bus, impedance in state.bus_shorts(case):
+        if impedance == 0:
+            alive[index[bus]] = False
+        else:
+            shunt[index[bus]] += 1 / impedance
+    matrix = bus_admittance(case, altered).tocoo()
+    rows, columns, values = _altered_branches(case, state, altered - state.branches_out)
     diagonal = np.arange(n)
     entries = coo_array(
         (
-            np.concatenate([matrix.tocoo().data, shunt, values]),
+            np.concatenate([matrix.data, shunt, values]),
             (
-                np.concatenate([matrix.tocoo().row, diagonal, rows]),
-                np.concatenate([matrix.tocoo().col, diagonal, columns]),
+                np.concatenate([matrix.row, diagonal, rows]),
+                np.concatenate([matrix.col, diagonal, columns]),
             ),
         ),
-        shape=(size, size),
+        shape=(n, n),
     ).tocsc()
-    alive = np.ones(size, dtype=bool)
-    alive[:n] = islands.energized
-    alive[sorted(grounded)] = False
     live = np.flatnonzero(alive)
-    row_of = np.full(size, -1)
+    row_of = np.full(n, -1)
     row_of[live] = np.arange(len(live))
     at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
     return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands)
 
 
-def _fault_entries(
-    case: Case, state: NetworkState, shunt: NDArray[np.complex128]
-) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.complex128]], set[int], int]:
-    """Matrix entries that faults add, nodes at zero voltage, and the number of nodes."""
-    index = case.bus_index
-    grounded: set[int] = set()
-    rows: list[int] = []
-    columns: list[int] = []
-    values: list[complex] = []
-    for bus, impedance in state.bus_faults:
-        if impedance == 0:
-            grounded.add(index[bus])
-        else:
-            shunt[index[bus]] += 1 / impedance
-    node = len(case.buses)
-    for point in sorted(state.branch_faults, key=lambda point: point[:2]):
-        branch = case.branches[point.branch]
-        parts, middle = branch_admittances(split_branch(branch, point.fraction)), node
-        first, second = index[branch.from_bus], index[branch.to_bus]
-        for part, (start, end) in enumerate(((first, middle), (middle, second))):
-            rows += [start, start, end, end]
-            columns += [start, end, start, end]
-            values += [
-                parts.from_from[part],
-                parts.from_to[part],
-                parts.to_from[part],
-                parts.to_to[part],
-            ]
-        if point.impedance == 0:
-            grounded.add(node)
-        else:
-            rows.append(node)
-            columns.append(node)
-            values.append(1 / point.impedance)
-        node += 1
-    entries = (
-        np.array(rows, dtype=np.int64),
-        np.array(columns, dtype=np.int64),
-        np.array(values, dtype=np.complex128),
-    )
-    return entries, grounded, node
+def _shunt_changes(case: Case, state: NetworkState) -> Iterator[tuple[int, complex]]:
+    """Admittance in per unit that shunts add to buses."""
+    for position in state.shunts_switched:
+        shunt = case.shunts[position]
+        size = complex(shunt.conductance_mw, shunt.susceptance_mvar) / case.base_mva
+        yield shunt.bus, -size if shunt.in_service else size
+    for bus, power in state.shunt_steps:
+        yield bus, power / case.base_mva
+
+
+def _altered_branches(
+    case: Case, state: NetworkState, positions: Collection[int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.complex128]]:
+    """Matrix entries of branches with a fault inside or an open end."""
+    order = sorted(positions)
+    ports = np.array([state_port(case, state, k) for k in order]).reshape(-1, 2, 2)
+    index, branches = case.bus_index, [case.branches[k] for k in order]
+    ends = np.array([(index[b.from_bus], index[b.to_bus]) for b in branches], dtype=np.int64)
+    ends = ends.reshape(-1, 2)
+    return np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, (1, 2)).ravel(), ports.ravel()

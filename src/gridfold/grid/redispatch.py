@@ -1,0 +1,76 @@
+"""The event that moves generation before a run begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from gridfold.errors import EventError
+from gridfold.grid.case import Case, Control, Generator, UnitKey
+from gridfold.grid.change import Change
+from gridfold.grid.event_checks import added, check_finite, chosen_buses, place_text
+from gridfold.grid.network_state import NetworkState
+
+#: Power in MW below zero that rounding may leave.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Redispatch:
+    """Units give more or less power, and the run starts at the equilibrium of that.
+
+    The units in service with positive power share it in proportion to their power. Those at slack buses
+    take no part: they balance what is left over, losses included. Two of these events move power from
+    one area to another.
+
+    Parameters
+    ----------
+    active_mw : float
+        What they give more, in MW; negative: less.
+    buses, areas, zones : str
+        Where the units are, such as ``1-36,78``; all that one of them names.
+    """
+
+    active_mw: float
+    buses: str = ""
+    areas: str = ""
+    zones: str = ""
+
+    def changes(self, case: Case) -> list[Change]:
+        """The dispatch changes at the start."""
+        where = f"redispatch in {place_text(self.buses, self.areas, self.zones)}"
+        check_finite(where, active_mw=self.active_mw)
+        buses = chosen_buses(where, case, self.buses, self.areas, self.zones)
+        slack = {g.bus for g in case.generators if g.control is Control.SLACK}
+        units = [g for g in case.generators if g.in_service and g.bus in buses - slack]
+        units = [g for g in units if g.active_mw > 0]
+        if not units:
+            raise EventError(f"{where}: no unit in service with positive power, slack buses aside")
+        total = sum(g.active_mw for g in units)
+        steps = {g.key: self.active_mw * g.active_mw / total for g in units}
+
+        def apply(state: NetworkState) -> NetworkState:
+            dispatch = added(state.dispatch, steps)
+            _require_positive(where, units, dict(dispatch))
+            return replace(state, dispatch=dispatch)
+
+        count = "1 unit" if len(units) == 1 else f"{len(units)} units"
+        return [Change(0.0, f"{where}: {self.active_mw:+g} MW by {count}", apply)]
+
+
+def _require_positive(
+    where: str, units: list[Generator], dispatch: Mapping[UnitKey, float]
+) -> None:
+    for unit in units:
+        power = unit.active_mw + dispatch.get(unit.key, 0.0)
+        if power < -_ROUNDING:
+            raise EventError(f"{where}: {unit} would give {power:.4g} MW, less than nothing")
+
+
+def redispatched(case: Case, dispatch: Mapping[UnitKey, float]) -> Case:
+    """The case with the units' powers changed by so many MW."""
+    generators = tuple(
+        replace(g, active_mw=g.active_mw + dispatch[g.key]) if g.key in dispatch else g
+        for g in case.generators
+    )
+    return replace(case, generators=generators)
