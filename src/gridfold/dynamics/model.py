@@ -39,6 +39,7 @@ from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.nodes import joined, node_of_buses
 from gridfold.grid.timeline import initial_state
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.powerflow.newton import solve_power_flow
@@ -352,7 +353,9 @@ def _injections(
 
 def good_residual(power_flow: PowerFlowResult) -> float:
     """Residual below which an equilibrium is exact; more where branches have hardly an impedance."""
-    rounding = rounding_power(bus_admittance(power_flow.case), power_flow.voltage)
+    case = power_flow.case
+    admittance = joined(bus_admittance(case), node_of_buses(case))
+    rounding = rounding_power(admittance, power_flow.voltage)
     return max(RESIDUAL_GOOD, float(rounding.max()))
 
 

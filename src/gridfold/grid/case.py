@@ -13,6 +13,7 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.replacement import Replacement
 
@@ -108,6 +109,9 @@ class Branch:
     ground, in per unit on the system base, that stand at the buses and go out with the branch:
     ``from_conductance + j from_susceptance`` at `from_bus`, outside of the ideal transformer, and
     likewise at `to_bus`.
+
+    Resistance and reactance 0 without ratio and shift: its two buses are one node while it is in
+    service, as with a closed bus coupler (:mod:`gridfold.grid.nodes`).
     """
 
     from_bus: int
@@ -123,6 +127,12 @@ class Branch:
     from_susceptance: float = field(default=0.0, metadata=_LATER)
     to_conductance: float = field(default=0.0, metadata=_LATER)
     to_susceptance: float = field(default=0.0, metadata=_LATER)
+
+    @property
+    def joins(self) -> bool:
+        """Whether it has no impedance: in service it makes one node of its two buses."""
+        is_plain = self.ratio == 1 and self.shift_deg == 0
+        return is_plain and self.resistance == 0 and self.reactance == 0
 
     def __str__(self) -> str:
         return f"branch {self.from_bus}-{self.to_bus}:{self.circuit}"
@@ -205,6 +215,7 @@ class Case:
     frequency_hz: float = 60.0
     description: str = ""
     area_names: Mapping[int, str] = field(default_factory=dict)
+    dc_lines: tuple[DcLine, ...] = ()
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)
@@ -235,13 +246,15 @@ class Case:
             parameters = sorted(device.parameters.items())
             digest.update(repr((device.model, device.key, parameters)).encode())
         digest.update(repr((self.base_mva, self.frequency_hz)).encode())
+        for line in self.dc_lines:
+            digest.update(repr(line).encode())
         return digest.hexdigest()
 
     def stored_power(self, load: Load) -> complex:
         """What a load draws at the stored voltage of its bus, in MVA."""
         return load.power(self.buses[self.bus_index[load.bus]].voltage_pu)
 
-    def locate(self, record: Record) -> str:
+    def locate(self, record: Record | DcLine) -> str:
         """Name of `record`, with the file and line it came from where that is known."""
         origin = self.origins.get(str(record))
         return f"{record} ({origin})" if origin else str(record)

@@ -22,6 +22,7 @@ from gridfold.grid.admittance import branch_admittances, bus_admittance, split_b
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.islands import Islands, find_islands
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.nodes import node_of_buses
 from gridfold.powerflow.result import PowerFlowResult
 
 #: Entries of a map from currents to voltages up to which it is made: a product with it is faster than
@@ -62,13 +63,16 @@ class NetworkEquations:
     matrix : sparse array, shape (n_live, n_live)
         Admittances, of which all nodes that are dead or at zero voltage have been removed.
     live : ndarray of int, shape (n_live,)
-        Position of each row among the buses; nodes inside branches come after the last bus.
+        Position of each row among the buses, of the first one where some are joined; nodes inside
+        branches come after the last bus.
     terminals : ndarray of int, shape (n_terminals,)
         Row of each machine terminal; -1 where its voltage is zero.
     n_buses : int
         Number of buses.
     islands : Islands
         Islands of this network state.
+    nodes : ndarray of int, shape (n_buses,)
+        The node of each bus: the position of the first bus that is joined to it.
     """
 
     matrix: csc_array
@@ -76,6 +80,12 @@ class NetworkEquations:
     terminals: NDArray[np.int64]
     n_buses: int
     islands: Islands
+    nodes: NDArray[np.int64]
+
+    @cached_property
+    def bus_rows(self) -> NDArray[np.int64]:
+        """Row of each bus, shape (n_buses,); -1 where its voltage is zero."""
+        return _bus_rows(self.live, self.nodes)
 
     @cached_property
     def factors(self) -> SuperLU:
@@ -92,9 +102,8 @@ class NetworkEquations:
 
     def seen_from(self, positions: Sequence[int]) -> NetworkEquations:
         """The same network, and its factors, with terminals at the `positions` of buses in the case."""
-        row = {int(bus): k for k, bus in enumerate(self.live)}
-        rows = np.array([row.get(position, -1) for position in positions], dtype=np.int64)
-        seen = replace(self, terminals=rows)
+        at = np.array(positions, dtype=np.int64)
+        seen = replace(self, terminals=self.bus_rows[at])
         vars(seen)["factors"] = self.factors
         return seen
 
@@ -113,14 +122,14 @@ class NetworkEquations:
     def _solved(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
         present = self.terminals >= 0
         injected = np.zeros((len(self.live), currents.shape[1]), dtype=np.complex128)
-        injected[self.terminals[present]] = currents[present]
+        np.add.at(injected, self.terminals[present], currents[present])
         voltage = np.zeros((self.n_buses, currents.shape[1]), dtype=np.complex128)
-        real_buses = self.live < self.n_buses
-        places = self.live[real_buses]
+        rows = self.bus_rows
+        places = np.flatnonzero(rows >= 0)
         for first in range(0, injected.shape[1], _TOGETHER):
             few = slice(first, first + _TOGETHER)
             solved = self.factors.solve(np.ascontiguousarray(injected[:, few]))
-            voltage[places, few] = solved[real_buses]
+            voltage[places, few] = solved[rows[places]]
         return voltage
 
     def terminal_impedance(self) -> NDArray[np.complex128]:
@@ -145,7 +154,8 @@ def build_equations(
     case = power_flow.case
     index = case.bus_index
     n = len(case.buses)
-    faulted = {point.branch for point in state.branch_faults}
+    nodes = node_of_buses(case, state.branches_out)
+    faulted = {p.branch for p in state.branch_faults if not case.branches[p.branch].joins}
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
     islands = find_islands(case, state.branches_out, (unit.bus for unit in machines))
     shunt = injections.load.copy()
@@ -159,24 +169,33 @@ def build_equations(
     matrix = bus_admittance(case, state.branches_out | faulted)
     rows, columns, values = extra
     diagonal = np.arange(n)
+    place = np.concatenate([nodes, np.arange(n, size)])
     entries = coo_array(
         (
             np.concatenate([matrix.tocoo().data, shunt, values]),
             (
-                np.concatenate([matrix.tocoo().row, diagonal, rows]),
-                np.concatenate([matrix.tocoo().col, diagonal, columns]),
+                place[np.concatenate([matrix.tocoo().row, diagonal, rows])],
+                place[np.concatenate([matrix.tocoo().col, diagonal, columns])],
             ),
         ),
         shape=(size, size),
     ).tocsc()
     alive = np.ones(size, dtype=bool)
     alive[:n] = islands.energized
-    alive[sorted(grounded)] = False
+    alive[:n] &= nodes == diagonal
+    alive[place[np.array(sorted(grounded), dtype=np.int64)]] = False
     live = np.flatnonzero(alive)
-    row_of = np.full(size, -1)
-    row_of[live] = np.arange(len(live))
     at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
-    return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands)
+    rows = _bus_rows(live, nodes)
+    return NetworkEquations(entries[live][:, live], live, rows[at], n, islands, nodes)
+
+
+def _bus_rows(live: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Row of each bus among the live nodes, shape (n_buses,); -1 where there is none."""
+    rows = np.full(len(nodes), -1)
+    real_buses = live < len(nodes)
+    rows[live[real_buses]] = np.flatnonzero(real_buses)
+    return np.asarray(rows[nodes])
 
 
 def _fault_entries(
@@ -188,14 +207,21 @@ def _fault_entries(
     rows: list[int] = []
     columns: list[int] = []
     values: list[complex] = []
-    for bus, impedance in state.bus_faults:
+
+    def ground(bus: int, impedance: complex) -> None:
         if impedance == 0:
             grounded.add(index[bus])
         else:
             shunt[index[bus]] += 1 / impedance
+
+    for bus, impedance in state.bus_faults:
+        ground(bus, impedance)
     node = len(case.buses)
     for point in sorted(state.branch_faults, key=lambda point: point[:2]):
         branch = case.branches[point.branch]
+        if branch.joins:
+            ground(branch.from_bus, point.impedance)
+            continue
         parts, middle = branch_admittances(split_branch(branch, point.fraction)), node
         first, second = index[branch.from_bus], index[branch.to_bus]
         for part, (start, end) in enumerate(((first, middle), (middle, second))):

@@ -1,0 +1,36 @@
+"""What a dc line draws at its ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gridfold.grid.dc_lines import DcLine
+
+
+@dataclass(frozen=True)
+class DcFlow:
+    """Operating point of a dc line.
+
+    Parameters
+    ----------
+    line : DcLine
+        The line.
+    power_mva : tuple of complex
+        Power that each end draws from the ac network in MVA, in the order of ``line.buses``; without
+        the reactive power of a converter that holds its bus's voltage.
+    told : str
+        What limits it; empty where nothing does.
+    current_a : float
+        Dc current in A.
+    dc_kv : tuple of float
+        Dc voltage of each end in kV.
+    angles_deg : tuple of float
+        Firing angle of the rectifier and extinction angle of the inverter; empty without thyristors.
+    """
+
+    line: DcLine
+    power_mva: tuple[complex, complex]
+    told: str = ""
+    current_a: float = 0.0
+    dc_kv: tuple[float, float] = (0.0, 0.0)
+    angles_deg: tuple[float, ...] = ()
