@@ -23,6 +23,7 @@ from gridfold.dynamics.network import (
     compile_with_loads,
     real_form,
 )
+from gridfold.dynamics.network.dc_ends import without_dead_lines
 from gridfold.dynamics.network.loads import (
     LoadModel,
     NonlinearLoads,
@@ -38,6 +39,7 @@ from gridfold.errors import InitializationError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.islands import find_islands
 from gridfold.grid.network_state import NetworkState
 from gridfold.grid.nodes import joined, node_of_buses
 from gridfold.grid.timeline import initial_state
@@ -154,8 +156,11 @@ class DetailedModel:
         """The same devices on the network in another state."""
         if state == self.state:
             return self
-        equations = build_equations(self.power_flow, self.injections, self.layout.terminals, state)
-        return replace(self, state=state, equations=equations)._recompiled()
+        whole = self.injections.whole or self.injections
+        injections = _in_state(self.power_flow, whole, state)
+        equations = build_equations(self.power_flow, injections, self.layout.terminals, state)
+        changed = replace(self, state=state, injections=injections, equations=equations)
+        return changed._recompiled()
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
         """The same devices with other parameters."""
@@ -286,8 +291,8 @@ def _built(
     ports = () if nonlinear is None else nonlinear.buses
     layout = build_layout(assemble(case, devices), ports)
     start = initialize(layout, solved, on_limit)
-    injections = _injections(solved, start.layout, nonlinear)
     state = initial_state(case)
+    injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
@@ -347,8 +352,17 @@ def _injections(
             rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
             values = block.device.admittance(rows)
             machine |= dict(zip(block.units, values.tolist(), strict=True))
-    load = np.conj(power_flow.load_power) / squared
+    load = np.conj(power_flow.load_power + power_flow.converter_power) / squared
     return Injections(load, negative, machine, nonlinear)
+
+
+def _in_state(power_flow: PowerFlowResult, whole: Injections, state: NetworkState) -> Injections:
+    """The injections in a network state: without dc lines of which an end is de-energized."""
+    if not power_flow.case.dc_lines:
+        return whole
+    sources = (unit.bus for unit in whole.machine if unit not in state.units_out)
+    islands = find_islands(power_flow.case, state.branches_out, sources)
+    return without_dead_lines(power_flow, whole, islands)
 
 
 def good_residual(power_flow: PowerFlowResult) -> float:

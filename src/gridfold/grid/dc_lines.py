@@ -190,7 +190,9 @@ class TransistorLine:
     def voltage_buses(self) -> tuple[int, ...]:
         """Buses whose voltage it holds."""
         live = (self.first, self.second) if self.in_service else ()
-        return tuple(end.bus for end in live if end.holds_voltage and end.control is not DcControl.OUT)
+        return tuple(
+            end.bus for end in live if end.holds_voltage and end.control is not DcControl.OUT
+        )
 
     def __str__(self) -> str:
         return f'VSC dc line "{self.name}"'

@@ -140,7 +140,9 @@ def _regulation_faults(case: Case) -> Iterator[str]:
             continue
         first = regulating.setdefault(node.get(generator.bus, str(generator)), generator)
         if first.voltage_pu != generator.voltage_pu:
-            same = "the same bus" if first.bus == generator.bus else "a bus that is joined to its own"
+            same = (
+                "the same bus" if first.bus == generator.bus else "a bus that is joined to its own"
+            )
             yield (
                 f"{case.locate(generator)}: it holds {generator.voltage_pu} p.u. where "
                 f"{case.locate(first)} holds {first.voltage_pu} p.u. at {same}"

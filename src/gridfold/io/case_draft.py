@@ -118,9 +118,7 @@ def without_buses(case: Case, *groups: Sequence[int]) -> tuple[Case, list[str]]:
             else:
                 staying.append(record)
         kept[table] = tuple(staying)
-    kept["dc_lines"] = tuple(
-        line for line in case.dc_lines if not group.keys() & set(line.buses)
-    )
+    kept["dc_lines"] = tuple(line for line in case.dc_lines if not group.keys() & set(line.buses))
     for line in case.dc_lines:
         if inside := [group[bus] for bus in line.buses if bus in group]:
             gone[min(inside)]["dc_lines"] += 1

@@ -96,7 +96,7 @@ def _correction(
         except ValueError as error:
             draft.faults.append(f"{where}: {error}")
     elif number:
-        draft.faults.append(f"{where}: there is no impedance correction table {number}")
+        draft.unsupported.append(f"{where}: impedance correction table {number} is not in the file")
     return 1 + 0j
 
 

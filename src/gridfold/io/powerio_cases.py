@@ -161,7 +161,11 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
         case,
         unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
         notices=(
-            *sections.doubts, *notices, *records.notices, *_skipped(sections), *case.notices,
+            *sections.doubts,
+            *notices,
+            *records.notices,
+            *_skipped(sections),
+            *case.notices,
         ),
         doubts=tuple(codes.doubts),
         file_counts=_raw_counts(sections),
@@ -193,7 +197,9 @@ def _skipped(sections: RawSections) -> list[str]:
     nodes = len(sections.of("SUBSTATION"))
     if not nodes:
         return []
-    return [f"substations with their nodes are not read ({nodes} lines): buses are as in the BUS section"]
+    return [
+        f"substations with their nodes are not read ({nodes} lines): buses are as in the BUS section"
+    ]
 
 
 def _converted(

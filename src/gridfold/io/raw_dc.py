@@ -104,7 +104,9 @@ class _Fields:
     def whole(self, name: str) -> int:
         value = self.value(name)
         if not value.is_integer():
-            self.faults.append(f"line {self.number}: {name} of a dc line is no whole number: {value:g}")
+            self.faults.append(
+                f"line {self.number}: {name} of a dc line is no whole number: {value:g}"
+            )
             return 0
         return int(value)
 

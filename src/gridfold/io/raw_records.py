@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 
 from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
 from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcRecord
@@ -167,14 +168,21 @@ class _Writer:
         if section == "BUS":
             if "BASKV" not in blanks:
                 self.kilovolts[values["I"]] = values["BASKV"]
-            if any(values.get(name, "0") != "0" for name in ("GL", "BL")):
-                self.done.bus_shunts.append((record[0], values))
+            self._bus_shunt(record[0], values)
         elif section in (TWO_TERMINAL, VSC):
             self.done.dc_records.append(DcRecord(section, tuple(record), tuple(written)))
         elif section == "BRANCH":
             self.done.line_charging.append(_float(values["B"]))
         elif section == "GENERATOR":
             self.done.blanks.append(frozenset(blanks))
+
+    def _bus_shunt(self, number: int, values: Mapping[str, str]) -> None:
+        given = {name: values.get(name, "0") for name in ("GL", "BL")}
+        for name, text in given.items():
+            if not isfinite(_float(text)):
+                self.done.faults.append(f"line {number}: {name} of a bus is no number: {text}")
+        if any(_float(text) for text in given.values()):
+            self.done.bus_shunts.append((number, values))
 
     def _unknown(self, record: Sequence[int]) -> None:
         for number in record:

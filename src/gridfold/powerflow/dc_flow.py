@@ -34,3 +34,19 @@ class DcFlow:
     current_a: float = 0.0
     dc_kv: tuple[float, float] = (0.0, 0.0)
     angles_deg: tuple[float, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The operating point, and how it is held in a run, in words."""
+        ends = " and ".join(
+            f"{power.real:.1f} MW {power.imag:+.1f} Mvar at bus {bus}"
+            for bus, power in zip(self.line.buses, self.power_mva, strict=True)
+        )
+        angles = ", ".join(f"{angle:.1f} degrees" for angle in self.angles_deg)
+        by_angles = f" (firing and extinction angle {angles})" if angles else ""
+        limited = f"; {self.told}" if self.told else ""
+        held = "current" if self.line.holds_current else "power"
+        return (
+            f"{self.line} draws {ends}, {self.current_a:.1f} A{by_angles}{limited}; in a run both ends are "
+            f"constant {held}, and constant impedances below 0.7 p.u."
+        )

@@ -126,9 +126,7 @@ def _newton(
     return Point(voltage if np.isfinite(excess) else start, int(solver.get_nb_iter()), excess)
 
 
-def _with_one_slack(
-    problem: Problem, start: NDArray[np.complex128]
-) -> tuple[Problem, csc_array]:
+def _with_one_slack(problem: Problem, start: NDArray[np.complex128]) -> tuple[Problem, csc_array]:
     """The island with its first swing bus alone, and the matrix that gives all voltages from those."""
     n, slack = len(start), problem.slack
     kept = np.setdiff1d(np.arange(n), slack[1:])

@@ -57,12 +57,12 @@ class PowerFlowResult:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Units that balance far from their stored power: the stored state is then no solution.
+        """Units that balance far from their stored power, and the operating points of dc lines.
 
-        Far is more than 1000 MW, or, where a power is stored at all, both more than the MVA base of
+        The stored state is then no solution. Far is more than 1000 MW, or, where a power is stored at all, both more than the MVA base of
         the unit and more than a tenth of all load.
         """
-        lines = []
+        lines = [flow.text for flow in self.dc_flows if flow.line.in_service]
         tenth = 0.1 * abs(float(self.load_power.real.sum())) * self.case.base_mva
         for unit, power in zip(self.case.generators, self.unit_power, strict=True):
             if not unit.in_service or unit.control is not Control.SLACK:

@@ -10,8 +10,9 @@ bridge, the dc voltages are
     V_r = V_i + R I.
 
 The rectifier holds current or power by :math:`\alpha`, the inverter its voltage by :math:`\gamma`. An
-inverter at a limit of :math:`\gamma` lets the voltage go; a rectifier at its least :math:`\alpha` leaves
-the current, less the margin, to the inverter. Reactive power follows from the angle of overlap
+inverter at its least :math:`\gamma` lets the voltage go; a rectifier at its least :math:`\alpha` leaves
+the current, less the margin, to the inverter. The largest angles are nominal: PSS/E steps taps there, and
+they are passed with taps held. Reactive power follows from the angle of overlap
 :math:`\mu`, :math:`\cos(\alpha + \mu) = \cos\alpha - \sqrt 2 X I / E`:
 
 .. math::
@@ -91,52 +92,48 @@ def thyristor_flow(line: ThyristorLine, rectifier_pu: float, inverter_pu: float)
         return DcFlow(line, (0j, 0j), "blocked" if not line.in_service else "without current")
     rectifier = _Bridge(line.rectifier, _behind(line.rectifier, rectifier_pu), 1)
     inverter = _Bridge(line.inverter, _behind(line.inverter, inverter_pu), -1)
-    current, voltage = _held_voltage(line, inverter)
-    told = "" if inverter.lowest <= inverter.cosine(voltage, current) <= inverter.highest else (
-        "the inverter is at a limit of its angle"
-    )
+    current, voltage, told = _held_voltage(line, inverter)
     sent = voltage + line.resistance_ohm * current
-    cosine = rectifier.cosine(sent, current)
-    if cosine > rectifier.highest + _ROUNDING:
-        told = "the rectifier is at its least angle; the inverter holds the current"
+    if rectifier.cosine(sent, current) > rectifier.highest + _ROUNDING:
+        told = "the rectifier is at its least angle, and the inverter holds the current"
         current *= 1 - line.margin
         sent = rectifier.idle * rectifier.highest - rectifier.drop * current
         voltage = sent - line.resistance_ohm * current
-    elif cosine < rectifier.lowest - _ROUNDING:
-        told = "the rectifier is at its largest angle"
-        rise = rectifier.idle * rectifier.lowest - voltage
-        current = rise / (rectifier.drop + line.resistance_ohm)
-        sent = voltage + line.resistance_ohm * current
     alpha, gamma = rectifier.cosine(sent, current), inverter.cosine(voltage, current)
     if not (voltage > 0 and abs(gamma) <= 1 and abs(alpha) <= 1):
         raise PowerFlowError(
             f"{line}: its converters have no operating point at {rectifier_pu:.4f} p.u. (rectifier) and "
             f"{inverter_pu:.4f} p.u. (inverter): {current * 1000:.1f} A, {sent:.2f} and {voltage:.2f} kV"
         )
+    if not told and (alpha < rectifier.lowest or gamma < inverter.lowest):
+        told = "an angle is above its nominal largest one, at which PSS/E would step a tap"
     powers = rectifier.power(alpha, sent, current), inverter.power(gamma, voltage, current)
-    return DcFlow(line, powers, told, current * 1000, (sent, voltage), (_degrees(alpha), _degrees(gamma)))
+    return DcFlow(
+        line, powers, told, current * 1000, (sent, voltage), (_degrees(alpha), _degrees(gamma))
+    )
 
 
 def _behind(end: ThyristorEnd, voltage_pu: float) -> float:
     return end.base_kv * voltage_pu * end.transformer_ratio / end.tap
 
 
-def _held_voltage(line: ThyristorLine, inverter: _Bridge) -> tuple[float, float]:
-    """Current (kA) and voltage of the inverter (kV), with the current held by the rectifier."""
+def _held_voltage(line: ThyristorLine, inverter: _Bridge) -> tuple[float, float, str]:
+    """Current (kA) and voltage of the inverter (kV) with the current held by the rectifier.
+
+    Besides what limits them, in words.
+    """
     current = _current(line, line.voltage_kv, line.compounding_ohm)
-    voltage = line.voltage_kv - line.compounding_ohm * current
-    cosine = inverter.cosine(voltage, current)
-    if not inverter.lowest - _ROUNDING <= cosine <= inverter.highest + _ROUNDING:
-        limit = inverter.highest if cosine > inverter.highest else inverter.lowest
-        current = _current(line, inverter.idle * limit, inverter.drop)
-        voltage = inverter.idle * limit - inverter.drop * current
+    voltage, told = line.voltage_kv - line.compounding_ohm * current, ""
+    if inverter.cosine(voltage, current) > inverter.highest + _ROUNDING:
+        told = "the inverter is at its least angle"
+        current = _current(line, inverter.idle * inverter.highest, inverter.drop)
+        voltage = inverter.idle * inverter.highest - inverter.drop * current
     if line.control is LineControl.POWER and voltage < line.switch_kv:
+        told = f"it holds its current as the inverter is below {line.switch_kv:g} kV"
         current = abs(line.setting) / line.voltage_kv
-        voltage = min(
-            line.voltage_kv - line.compounding_ohm * current,
-            inverter.idle * inverter.highest - inverter.drop * current,
-        )
-    return current, voltage
+        least_angle = inverter.idle * inverter.highest - inverter.drop * current
+        voltage = min(line.voltage_kv - line.compounding_ohm * current, least_angle)
+    return current, voltage, told
 
 
 def _current(line: ThyristorLine, idle_kv: float, drop_ohm: float) -> float:

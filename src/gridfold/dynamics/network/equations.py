@@ -45,13 +45,16 @@ class Injections:
     machine : mapping
         Norton admittance of each machine, by unit.
     nonlinear : NonlinearLoads, optional
-        Parts of loads that are no impedances; `load` has their equivalents.
+        Parts of loads and ends of dc lines that are no impedances; `load` has their equivalents.
+    whole : Injections, optional
+        Those with all dc lines, where some are left out in a network state.
     """
 
     load: NDArray[np.complex128]
     negative_load: Mapping[UnitKey, complex]
     machine: Mapping[UnitKey, complex]
     nonlinear: NonlinearLoads | None = None
+    whole: Injections | None = None
 
 
 @dataclass(frozen=True)
