@@ -273,7 +273,7 @@ def test_a_file_that_hides_its_revision_is_read_as_it_is_told_on_every_way(comma
         ((RAW, DYR, "--loads", "0.5,0.1,0.1"), "add up to 0.7"),
         ((RAW, DYR, "--unsupported", "ignore"), "ignore"),
         ((RAW, DYR, "--no-data", "ignore"), "ignore"),
-        ((RAW, DYR, "--raw-revision", "30"), "raw_revision must be one of 31 to 35, not 30"),
+        ((RAW, DYR, "--raw-revision", "28"), "raw_revision must be one of 29 to 35, not 28"),
         (("npcc", "--raw-revision", "33"), "raw_revision is for RAW files of PSS/E, not for npcc"),
     ],
 )

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.replacement import Replacement
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
@@ -201,7 +202,8 @@ class Case:
     that are not there as in the file, `unplaced` which of them name a unit that the network does not
     have. `doubts` are about values that the file alone shows, `file_counts` tells how many records of
     each kind the file of the network holds, `left_out` which of its units are not in the case, such as
-    those at isolated buses. None of these has a part in comparisons.
+    those at isolated buses. `flow_controls` say how the operating point would move, which is stored.
+    None of these has a part in comparisons.
     """
 
     name: str
@@ -216,6 +218,7 @@ class Case:
     description: str = ""
     area_names: Mapping[int, str] = field(default_factory=dict)
     dc_lines: tuple[DcLine, ...] = ()
+    flow_controls: tuple[FlowControl, ...] = field(default=(), compare=False, repr=False)
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)

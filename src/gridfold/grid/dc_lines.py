@@ -136,6 +136,9 @@ class TransistorEnd:
         Whether it holds the stored voltage of its bus; else it holds its power factor.
     power_factor : float
         Power factor; where it is negative, reactive power has the other sign than active power.
+    voltage_pu, regulated_bus : float, int
+        Set point of the voltage, and the bus where it is meant, 0 for the own one; the stored operating
+        point goes before them.
     loss_kw, loss_kw_per_a, least_loss_kw : float
         Losses: constant, by dc current, and the least.
     reactive_max_mvar, reactive_min_mvar : float
@@ -147,6 +150,8 @@ class TransistorEnd:
     setting: float = 0.0
     holds_voltage: bool = False
     power_factor: float = 1.0
+    voltage_pu: float = 1.0
+    regulated_bus: int = 0
     loss_kw: float = 0.0
     loss_kw_per_a: float = 0.0
     least_loss_kw: float = 0.0

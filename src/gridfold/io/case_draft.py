@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gridfold.grid.case import Case, Control, Record
+from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.islands import island_labels
 
 Row = Mapping[str, Any]
@@ -35,6 +36,7 @@ class Draft:
     unsupported: list[str] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
+    controls: list[FlowControl] = field(default_factory=list)
 
     def rows(self, table: str) -> Iterable[tuple[Row, str]]:
         """Rows of a table of powerio, each with its file and line if they are known."""

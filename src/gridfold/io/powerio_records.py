@@ -18,6 +18,7 @@ from gridfold.io.case_draft import (
     with_swings_behind_dc,
     without_buses,
 )
+from gridfold.io.flow_controls import shunt_control, unit_control
 from gridfold.io.joined_units import with_one_voltage_a_node, with_part
 from gridfold.io.powerio_branches import add_branches, add_three_winding
 
@@ -98,6 +99,7 @@ def convert_network(
         description=str(tables["name"]),
         area_names={row["number"]: row["name"] for row in tables["areas"] if row.get("name")},
         dc_lines=tuple(line for line, _ in extras.dc_lines),
+        flow_controls=tuple(draft.controls),
         origins=draft.origins,
     )
     kinds = {row["id"]: row["kind"] for row in tables["buses"]}
@@ -178,6 +180,8 @@ def _add_shunts(draft: Draft, extras: Extras) -> None:
             in_service=row["in_service"],
         )
         draft.add(shunt, place)
+        if row.get("control"):
+            draft.controls.append(shunt_control(row, identifier))
 
 
 def _add_generators(draft: Draft) -> None:
@@ -209,6 +213,7 @@ def _add_generators(draft: Draft) -> None:
         )
         if row["in_service"] and not unit.in_service:
             draft.notices.append(_load_bus_notice(unit, place))
+        draft.controls.append(unit_control(row, unit.bus, unit.id, own))
         taken[unit.bus].add(unit.id)
         units.append((unit, place))
         at_bus[unit.bus].append(unit)

@@ -168,6 +168,8 @@ def _transistor_end(part: _Fields) -> TransistorEnd:
         setting=part.value("DCSET"),
         holds_voltage=holds_voltage,
         power_factor=1.0 if holds_voltage else setting,
+        voltage_pu=setting if holds_voltage else 1.0,
+        regulated_bus=part.whole("REMOT"),
         loss_kw=part.value("ALOSS"),
         loss_kw_per_a=part.value("BLOSS"),
         least_loss_kw=part.value("MINLOSS"),

@@ -15,6 +15,7 @@ from gridfold.grid.replacement import Replacement
 from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
+from gridfold.powerflow.limits import with_limits
 from gridfold.runs.strict import refuse_doubtful_case
 
 Choice = TypeVar("Choice", bound=Enum)
@@ -22,6 +23,13 @@ Choice = TypeVar("Choice", bound=Enum)
 #: Suffixes of networks that other programs have written.
 NETWORK_SUFFIXES = (".raw", ".m")
 _DYNAMICS_SUFFIX = ".dyr"
+
+
+class Solve(Enum):
+    """Which operating point is solved: the stored one, or that of set points, limits and shunts."""
+
+    STORED = "stored"
+    LIMITS = "limits"
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,7 @@ def load_case(
     without_data: WithoutData | str = WithoutData.ERROR,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
+    solve: Solve | str = Solve.STORED,
     strict: bool = False,
 ) -> Case:
     """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
@@ -59,7 +68,7 @@ def load_case(
     ----------
     source : str or Path
         ``"npcc"``, ``"npcc-pst"``, a folder with ``case.toml`` and CSV tables, a RAW file of PSS/E
-        (``.raw``, revisions 31 to 35), a MATPOWER case (``.m``, a network without devices) or a
+        (``.raw``, revisions 29 to 35), a MATPOWER case (``.m``, a network without devices) or a
         MATLAB file of RAPID (``.mat``, :mod:`gridfold.io.rapid_mat`).
     dyr : str or Path, optional
         Dynamic data of PSS/E (``.dyr``) for the network; without them it has no devices.
@@ -70,8 +79,12 @@ def load_case(
     allow_unsupported_network : bool
         Leave out what gridfold has no model for in the network.
     raw_revision : int, optional
-        Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
+        Revision of a RAW file, 29 to 35, whatever its header says; by default that of the header or,
         where it gives none, the one that the fields of the records tell.
+    solve : {"stored", "limits"}
+        Keep the stored operating point, in which units hold the stored voltage of their bus; or find that
+        of the file's set points, reactive limits and switched shunts
+        (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
 
@@ -81,8 +94,12 @@ def load_case(
         A file is missing or cannot be read, or its data are wrong or not supported; with `strict` also
         where they are hardly meant. Lists every fault.
     OptionError
-        An option has an unknown value, or the files do not go together.
+        An option has an unknown value, or the files do not go together, or the case has no set points
+        and limits to solve with.
+    PowerFlowError
+        There is no operating point within limits, or none was found.
     """
+    wanted = _choice("solve", Solve, solve)
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
@@ -96,9 +113,15 @@ def load_case(
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
         ).case
+    case = solved_as(case, wanted)
     if strict:
         refuse_doubtful_case(case)
     return case
+
+
+def solved_as(case: Case, solve: Solve) -> Case:
+    """The case at the operating point that is wanted; raises as :func:`load_case`."""
+    return with_limits(case) if solve is Solve.LIMITS else case
 
 
 def is_network_file(source: str | Path, dyr: str | Path | None = None) -> bool:

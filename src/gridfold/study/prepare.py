@@ -184,6 +184,7 @@ def load_grid(study: Study, folder: Path) -> Case:
         without_data=wanted.without_data,
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
+        solve=wanted.solve,
     )
 
 
