@@ -70,7 +70,7 @@ def read_dc_lines(records: Sequence[DcRecord]) -> DcLines:
         line: DcLine = (_thyristors if record.section == TWO_TERMINAL else _transistors)(*parts)
         if len(found.faults) > before:
             continue
-        capacitors = [part.number for part in parts[1:] if part.value("XCAP", 0.0) > 0]
+        capacitors = [part.number for part in parts[1:] if part.value("XCAP") > 0]
         if capacitors and line.in_service:
             found.unsupported.append(
                 f"{line}: capacitors between converters and transformers (line {capacitors[0]})"
@@ -91,10 +91,10 @@ class _Fields:
     def text(self, name: str) -> str:
         return self.fields.get(name, "").strip("'").strip()
 
-    def value(self, name: str, default: float | None = None) -> float:
+    def value(self, name: str) -> float:
         text = self.fields.get(name, "")
-        if default is not None and not text:
-            return default
+        if not text:
+            return 0.0  # a field that has no default is told where records are completed
         value = as_number(text)
         if value is None:
             self.faults.append(f"line {self.number}: {name} of a dc line is no number: {text}")
