@@ -134,6 +134,29 @@ def test_a_header_of_30_over_records_of_33_is_refused(tmp_path):
     assert "gives revision 30, but the records have the fields of revisions 31 to 33" in message
 
 
+def test_a_station_of_all_sections_is_the_same_in_revisions_30_and_35():
+    """Dc lines, correction tables, shunts, a coupler, names with quotes, comments, substations."""
+    old, new = (read_network(OWN / f"station_{revision}.raw") for revision in (30, 35))
+    assert (old.buses, old.loads, old.shunts) == (new.buses, new.loads, new.shunts)
+    assert (old.generators, old.dc_lines) == (new.generators, new.dc_lines)
+    assert set(old.flow_controls) == set(new.flow_controls)
+    by_name = [{str(b): b for b in case.branches} for case in (old, new)]
+    assert by_name[0].keys() == by_name[1].keys()
+    for name, branch in by_name[0].items():
+        other = by_name[1][name]
+        assert other == replace(branch, reactance=other.reactance)
+        assert other.reactance == pytest.approx(branch.reactance, rel=1e-15)
+    assert [bus.name for bus in new.buses[1:3]] == ["O'NEIL", "NORTH"]
+    coupled = "without impedance, so that their buses are one node: 3-6:K"
+    assert old.notices == ("BASFRQ of the header is blank: 60 Hz", coupled)
+    assert new.notices == (
+        "substations with their nodes are not read (5 lines): buses are as in the BUS section",
+        coupled,
+    )
+    voltages = [gf.solve_power_flow(case).voltage for case in (old, new)]
+    np.testing.assert_allclose(*voltages, atol=1e-10)
+
+
 @pytest.mark.parametrize("revision", [32, 33, 34, 35])
 def test_files_of_other_revisions_without_it_are_read_as_with_it(revision, tmp_path):
     path = OWN / f"revision_{revision}.raw"

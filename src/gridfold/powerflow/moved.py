@@ -13,6 +13,7 @@ from gridfold.powerflow.plants import Plant, Switched
 
 _LISTED = 8
 _TOLD_VOLTAGE = 1e-4  # p.u., change of a stored voltage
+_SAME = 1e-6  # p.u., of set points
 PlantPower = tuple[Plant, float]
 
 
@@ -47,7 +48,8 @@ def moved_case(
         replace(bus, voltage_pu=float(v), angle_deg=float(np.rad2deg(np.angle(phasor))))
         for bus, v, phasor in zip(case.buses, size, voltage, strict=True)
     )
-    power = {unit: (plant, q) for plant, q in made for unit in plant.units}
+    every = tuple(made)
+    power = {unit: (plant, q) for plant, q in every for unit in plant.units}
     units = {unit.key: unit for unit in case.generators}
 
     def solved(unit: Generator) -> Generator:
@@ -66,6 +68,7 @@ def moved_case(
         "the operating point is that of set points, reactive limits and switched shunts, not the stored "
         "one",
         *_voltages(case, size),
+        *_targets([plant for plant, _ in every]),
         *_plants(case, limited),
         *_swings(case, over),
         *_shunts(case, switched, stuck),
@@ -89,6 +92,18 @@ def _voltages(case: Case, size: NDArray[np.float64]) -> Iterable[str]:
             f"{moved} of {len(case.buses)} voltages moved by more than {_TOLD_VOLTAGE:g} p.u., most at "
             f"{bus}: {bus.voltage_pu:.4f} to {size[worst]:.4f} p.u."
         )
+
+
+def _targets(plants: Sequence[Plant]) -> Iterable[str]:
+    """Plants that hold one node at different voltages: the first counts."""
+    first: dict[int, Plant] = {}
+    for plant in plants:
+        leading = first.setdefault(plant.holds, plant)
+        if abs(leading.target - plant.target) > _SAME:
+            yield (
+                f"{plant.name} holds {leading.target:g} p.u. in place of {plant.target:g}, with "
+                f"{leading.name}, which holds the same bus"
+            )
 
 
 def _plants(case: Case, limited: Sequence[PlantPower]) -> Iterable[str]:

@@ -103,7 +103,7 @@ def load_case(
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
-        case = read_case(source)
+        case = solved_as(read_case(source), wanted)
     else:
         case = load_psse(
             source,
@@ -112,8 +112,8 @@ def load_case(
             without_data=without_data,
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
+            solve=wanted,
         ).case
-    case = solved_as(case, wanted)
     if strict:
         refuse_doubtful_case(case)
     return case
@@ -144,6 +144,7 @@ def load_psse(
     without_data: WithoutData | str = WithoutData.ERROR,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
+    solve: Solve | str = Solve.STORED,
 ) -> LoadedCase:
     """Load a case from a RAW file (or a MATPOWER file) and a DYR file.
 
@@ -153,7 +154,7 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported, without_data, allow_unsupported_network, raw_revision
+    unsupported, without_data, allow_unsupported_network, raw_revision, solve
         As in :func:`gridfold.load_case`.
 
     Raises
@@ -162,10 +163,13 @@ def load_psse(
         A file cannot be read, or its data are wrong or not supported; lists every fault.
     OptionError
         An option has an unknown value.
+    PowerFlowError
+        As in :func:`gridfold.load_case`.
     """
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
-    case = read_network(raw, allow_unsupported_network, raw_revision)
+    wanted = _choice("solve", Solve, solve)
+    case = solved_as(read_network(raw, allow_unsupported_network, raw_revision), wanted)
     if dyr is not None:
         case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
     return LoadedCase(case, case.replacements, case.notices)
