@@ -56,7 +56,9 @@ def as_one_bus():
 
 FAULTS = {
     "at the other half": ([gf.BusFault(20, 0.1, 0.1)], [gf.BusFault(2, 0.1, 0.1)]),
-    "with an impedance": ([gf.BusFault(20, 0.1, 0.1, 0.0, 0.05)], [gf.BusFault(2, 0.1, 0.1, 0.0, 0.05)]),
+    "with an impedance": (
+        [gf.BusFault(20, 0.1, 0.1, 0.0, 0.05)], [gf.BusFault(2, 0.1, 0.1, 0.0, 0.05)]
+    ),
     "trip of a line at a half": ([gf.BranchTrip("1-20", 0.1)], [gf.BranchTrip("1-2:2", 0.1)]),
     "line fault": ([gf.BranchFault("20-3", 0.1, 0.1, 0.4)], [gf.BranchFault("2-3", 0.1, 0.1, 0.4)]),
     "on the coupler": (

@@ -182,8 +182,8 @@ def test_units_at_joined_buses_hold_one_voltage(ring):
     unit = gf.Generator(2, voltage_pu=1.03)
     case = plus(plus(ring, "branches", gf.Branch(2, 1, "9")), "generators", unit)
     assert only_fault(case) == (
-        "generator 2:1: it holds 1.03 p.u. where generator 1:1 holds 1.0 p.u. at a bus that is joined to "
-        "its own"
+        "generator 2:1: it holds 1.03 p.u. where generator 1:1 holds 1.0 p.u. at a bus that is joined "
+        "to its own"
     )
 
 
@@ -233,7 +233,8 @@ def test_validation_reports_every_fault_not_the_first(ring):
         "bus 2 is given 2 times",
         "bus 5: base_kv must be positive, not -1.0",
         "branch 1-1:1: it joins a bus to itself",
-        "branch 2-4:1 (branches.csv:8): its impedance is zero, and a transformer's ratio or shift needs one",
+        "branch 2-4:1 (branches.csv:8): its impedance is zero, and a transformer's ratio or shift "
+        "needs one",
         "branch 2-77:1: reactance is nan, not a finite number",
         "branch 2-77:1: there is no bus 77",
         "branch 3-2:1 and branch 2-3:1 are two circuits with one id",

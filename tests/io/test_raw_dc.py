@@ -37,7 +37,7 @@ EAST = TransistorLine(
 )  # fmt: skip
 #: The field of the node that stands in records of revision 35.
 WITH_NODES = {
-    "TWO-TERMINAL DC": [TWO_TERMINAL[0], *(r.replace(",0,0,0,'1'", ",0,0,0,0,'1'") for r in TWO_TERMINAL[1:])],
+    "TWO-TERMINAL DC": [r.replace(",0,0,0,'1'", ",0,0,0,0,'1'") for r in TWO_TERMINAL],
     "VSC DC LINE": [VSC[0], *(r[: r.rindex(",")] + ",0" + r[r.rindex(",") :] for r in VSC[1:])],
 }  # fmt: skip
 

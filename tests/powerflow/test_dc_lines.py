@@ -146,7 +146,7 @@ def test_a_blocked_line_draws_nothing(change):
 def test_a_line_that_cannot_carry_its_power_is_named():
     with pytest.raises(gf.PowerFlowError, match='dc line "D": no current carries 9000 MW'):
         thyristor_flow(replace(LINE, setting=-9000.0), 1.03, 0.98)
-    with pytest.raises(gf.PowerFlowError, match="no operating point at 0.0100 p.u."):
+    with pytest.raises(gf.PowerFlowError, match=r"no operating point at 0\.0100 p\.u\."):
         thyristor_flow(replace(LINE, control=LineControl.CURRENT, setting=3000.0), 0.01, 0.98)
 
 

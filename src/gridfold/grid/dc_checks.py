@@ -88,6 +88,6 @@ def _control(line: TransistorLine) -> Iterator[str]:
             yield f"at bus {end.bus} the power factor must be 0 to 1 in size, not {end.power_factor!r}"
         if end.reactive_min_mvar > end.reactive_max_mvar:
             yield (
-                f"at bus {end.bus} the least reactive power {end.reactive_min_mvar!r} Mvar is above the "
-                f"most {end.reactive_max_mvar!r}"
+                f"at bus {end.bus} the least reactive power {end.reactive_min_mvar!r} Mvar is above "
+                f"the most {end.reactive_max_mvar!r}"
             )

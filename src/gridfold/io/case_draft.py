@@ -76,9 +76,10 @@ def with_swings_behind_dc(case: Case) -> tuple[Case, list[str]]:
         if able:
             chosen = max(able, key=lambda unit: unit.base_mva)
             units[units.index(chosen)] = replace(chosen, control=Control.SLACK)
+            first = case.buses[labels.tolist().index(label)].number
             texts.append(
-                f"the island of bus {case.buses[labels.tolist().index(label)].number} has no swing unit "
-                f"and stands on a dc line: {chosen}, its largest, balances it"
+                f"the island of bus {first} has no swing unit and stands on a dc line: {chosen}, its "
+                "largest, balances it"
             )
     return replace(case, generators=tuple(units)), texts
 

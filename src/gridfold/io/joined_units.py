@@ -49,8 +49,8 @@ def with_one_voltage_a_node(case: Case) -> tuple[Case, list[str]]:
         for unit in units:
             if abs(unit.voltage_pu - leading.voltage_pu) > _SAME:
                 texts.append(
-                    f"{unit} holds {leading.voltage_pu:g} p.u. in place of {unit.voltage_pu:g}: its bus is "
-                    f"joined to that of {leading}"
+                    f"{unit} holds {leading.voltage_pu:g} p.u. in place of {unit.voltage_pu:g}: its "
+                    f"bus is joined to that of {leading}"
                 )
             held = replace(with_part(unit, units), voltage_pu=leading.voltage_pu)
             changed[str(unit)] = held

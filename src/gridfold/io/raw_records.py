@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
-from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
 from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcRecord
+from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
 from gridfold.io.raw_layouts import WRITTEN_SINCE, Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
 from gridfold.io.raw_windings import refer_to_buses

@@ -2,8 +2,8 @@
 
 Up to revision 30 bus records held shunts (``GL, BL``), since 31 they do not, so that all that
 follows stands elsewhere; headers of that time give no revision, but many writers name one in a
-comment. Up to 23 loads stood there too, and the name after all numbers. Since 34 the records of branches have a name, since 35 those of generators
-and switched shunts have a node.
+comment. Up to 23 loads stood there too, and the name after all numbers. Since 34 the records of
+branches have a name, since 35 those of generators and switched shunts have a node.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ USUAL_THRESHOLD = 1e-4
 
 
 def joining_threshold(sections: RawSections) -> tuple[float, list[str]]:
-    """Reactance in p.u. up to which a line without resistance joins its buses, and faults with lines."""
+    """Reactance in p.u. up to which a line without resistance joins its buses, and faults."""
     lines = sections.text.split("\n")
     for number in sections.of(SYSTEM_WIDE):
         given = re.search(r"\bTHRSHZ\s*=\s*([^,/\s]*)", lines[number - 1], re.IGNORECASE)

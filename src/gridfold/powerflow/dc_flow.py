@@ -47,6 +47,6 @@ class DcFlow:
         limited = f"; {self.told}" if self.told else ""
         held = "current" if self.line.holds_current else "power"
         return (
-            f"{self.line} draws {ends}, {self.current_a:.1f} A{by_angles}{limited}; in a run both ends are "
-            f"constant {held}, and constant impedances below 0.7 p.u."
+            f"{self.line} draws {ends}, {self.current_a:.1f} A{by_angles}{limited}; in a run both ends "
+            f"are constant {held}, and constant impedances below 0.7 p.u."
         )

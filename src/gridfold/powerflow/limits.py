@@ -79,8 +79,8 @@ def with_limits(case: Case) -> Case:
     """
     if not case.flow_controls:
         raise OptionError(
-            f"case {case.name} gives no set points and limits, so that it can only be solved as stored; "
-            "RAW and MATPOWER files do"
+            f"case {case.name} gives no set points and limits, so that it can only be solved as "
+            "stored; RAW and MATPOWER files do"
         )
     require_valid(case)
     return _Search(case).found()
@@ -115,7 +115,7 @@ class _Search:
         )
 
     def _stored_at(self, plant: Plant) -> _At:
-        """Where a plant is as stored: at a limit where its voltage is on the side that belongs to it."""
+        """Where a plant is as stored: at a limit if its voltage is on the side that belongs to it."""
         below = plant.target - self.case.buses[self.firsts[plant.holds]].voltage_pu
         for at, limit in ((_At.MOST, plant.most), (_At.LEAST, plant.least)):
             reached = abs(plant.stored - limit) <= _STORED_MARGIN
@@ -297,6 +297,6 @@ class _Search:
             for k in worst
         ]
         return (
-            f"case {self.case.name}: no operating point was found {when}; the largest mismatches at the "
-            "last voltages:\n" + "\n".join(lines)
+            f"case {self.case.name}: no operating point was found {when}; the largest mismatches at "
+            "the last voltages:\n" + "\n".join(lines)
         )

@@ -65,8 +65,8 @@ def moved_case(
         changed = replace(shunts[item.shunt], susceptance_mvar=susceptance * case.base_mva)
         shunts[item.shunt] = changed
     told = [
-        "the operating point is that of set points, reactive limits and switched shunts, not the stored "
-        "one",
+        "the operating point is that of set points, reactive limits and switched shunts, not the "
+        "stored one",
         *_voltages(case, size),
         *_targets([plant for plant, _ in every]),
         *_plants(case, limited),

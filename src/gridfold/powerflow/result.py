@@ -59,8 +59,8 @@ class PowerFlowResult:
     def notices(self) -> tuple[str, ...]:
         """Units that balance far from their stored power, and the operating points of dc lines.
 
-        The stored state is then no solution. Far is more than 1000 MW, or, where a power is stored at all, both more than the MVA base of
-        the unit and more than a tenth of all load.
+        The stored state is then no solution. Far is more than 1000 MW, or, where a power is stored at
+        all, both more than the MVA base of the unit and more than a tenth of all load.
         """
         lines = [flow.text for flow in self.dc_flows if flow.line.in_service]
         tenth = 0.1 * abs(float(self.load_power.real.sum())) * self.case.base_mva

@@ -11,13 +11,14 @@ bridge, the dc voltages are
 
 The rectifier holds current or power by :math:`\alpha`, the inverter its voltage by :math:`\gamma`. An
 inverter at its least :math:`\gamma` lets the voltage go; a rectifier at its least :math:`\alpha` leaves
-the current, less the margin, to the inverter. The largest angles are nominal: PSS/E steps taps there, and
-they are passed with taps held. Reactive power follows from the angle of overlap
-:math:`\mu`, :math:`\cos(\alpha + \mu) = \cos\alpha - \sqrt 2 X I / E`:
+the current, less the margin, to the inverter. The largest angles are nominal: PSS/E steps taps there,
+and with taps held they are passed. Reactive power follows from the angle of overlap :math:`\mu`,
+:math:`\cos(\alpha + \mu) = \cos\alpha - \sqrt 2 X I / E`:
 
 .. math::
 
-    \tan\varphi = \frac{2\mu + \sin 2\alpha - \sin 2(\alpha + \mu)}{\cos 2\alpha - \cos 2(\alpha + \mu)}.
+    \tan\varphi =
+    \frac{2\mu + \sin 2\alpha - \sin 2(\alpha + \mu)}{\cos 2\alpha - \cos 2(\alpha + \mu)}.
 
 E. W. Kimbark, Direct Current Transmission, vol. I, 1971, chapter 3; PSS/E Program Application Guide,
 vol. I, chapter on direct current transmission.
@@ -102,8 +103,9 @@ def thyristor_flow(line: ThyristorLine, rectifier_pu: float, inverter_pu: float)
     alpha, gamma = rectifier.cosine(sent, current), inverter.cosine(voltage, current)
     if not (voltage > 0 and abs(gamma) <= 1 and abs(alpha) <= 1):
         raise PowerFlowError(
-            f"{line}: its converters have no operating point at {rectifier_pu:.4f} p.u. (rectifier) and "
-            f"{inverter_pu:.4f} p.u. (inverter): {current * 1000:.1f} A, {sent:.2f} and {voltage:.2f} kV"
+            f"{line}: its converters have no operating point at {rectifier_pu:.4f} p.u. (rectifier) "
+            f"and {inverter_pu:.4f} p.u. (inverter): {current * 1000:.1f} A, {sent:.2f} and "
+            f"{voltage:.2f} kV"
         )
     if not told and (alpha < rectifier.lowest or gamma < inverter.lowest):
         told = "an angle is above its nominal largest one, at which PSS/E would step a tap"

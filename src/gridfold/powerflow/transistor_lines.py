@@ -1,7 +1,7 @@
 """Operating point of a dc line with voltage-source converters.
 
-One converter holds the dc voltage V, the other the power P that it sends into its ac network. Each loses
-``max(least, a + b I)`` kW. With I from the first to the second,
+One converter holds the dc voltage V, the other the power P that it sends into its ac network. Each
+loses ``max(least, a + b I)`` kW. With I from the first to the second,
 
     (V - R I) I = P + loss(I),
 

@@ -82,8 +82,8 @@ def load_case(
         Revision of a RAW file, 29 to 35, whatever its header says; by default that of the header or,
         where it gives none, the one that the fields of the records tell.
     solve : {"stored", "limits"}
-        Keep the stored operating point, in which units hold the stored voltage of their bus; or find that
-        of the file's set points, reactive limits and switched shunts
+        Keep the stored operating point, in which units hold the stored voltage of their bus; or find
+        that of the file's set points, reactive limits and switched shunts
         (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
