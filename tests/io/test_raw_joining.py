@@ -1,5 +1,7 @@
 """Lines and switching devices of RAW files that have no impedance to speak of."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from raw_texts import BUSES, LINES, LOADS, TRANSFORMERS, UNITS, raw_text, with_field
@@ -140,6 +142,19 @@ def test_of_two_swing_units_at_joined_buses_the_larger_balances(tmp_path):
     assert [u.control for u in case.generators] == [gf.Control.SLACK, gf.Control.VOLTAGE]
     assert case.generators[1].voltage_pu == 1.02
     assert gf.solve_power_flow(case).unit_power[1].real == pytest.approx(1.3)
+
+
+def test_a_branch_of_a_matpower_file_without_impedance_joins_too(tmp_path):
+    text = (Path(__file__).parent / "raw" / "plain.m").read_text()
+    row = "1\t2\t0.01\t0.08" if "1\t2\t0.01\t0.08" in text else "1 2 0.01 0.08"
+    assert row in text
+    path = tmp_path / "joined.m"
+    path.write_text(text.replace(row, row.replace("0.01", "0").replace("0.08", "0")))
+    case = read_network(path)
+    assert case.branches[0].joins
+    assert "without impedance, so that their buses are one node: 1-2:1" in case.notices
+    voltage = gf.solve_power_flow(case).voltage
+    assert voltage[0] == voltage[1]
 
 
 def test_loads_at_joined_buses_are_all_there(tmp_path):

@@ -271,6 +271,11 @@ def test_faults_of_a_line_name_it(change, fault):
     assert fault in found[0]
 
 
+def test_what_a_blocked_line_gives_does_not_matter():
+    blocked = replace(LINE, control=LineControl.BLOCKED, voltage_kv=0.0)
+    assert gf.validate_case(grid(replace(blocked, rectifier=replace(RECTIFIER, bridges=0)))) == []
+
+
 def test_faults_of_voltage_source_converters_name_them():
     both = replace(VSC, second=replace(VSC.second, control=DcControl.VOLTAGE))
     assert gf.validate_case(grid(both)) == [

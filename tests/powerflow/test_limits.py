@@ -274,6 +274,44 @@ def test_an_operating_point_that_is_not_there_is_an_error_that_names_buses():
         with_limits(grid(load_mvar=900.0, controls=[unit(2, 1.0, most=10.0)]))
 
 
+@pytest.mark.parametrize(
+    ("control", "fault"),
+    [
+        (unit(2, 0.0), "generator 2:1: the set point must be positive, not 0 p.u."),
+        (
+            unit(2, 1.0, 5.0, -5.0),
+            "generator 2:1: the least reactive power 5 Mvar is above the most -5",
+        ),
+        (unit(2, 1.0, part=-1.0), "generator 2:1: its part RMPCT must be positive, not -1"),
+        (
+            ShuntControl(3, "S1", ShuntMode.DISCRETE, 1.05, 0.95, 3),
+            "shunt 3:S1: its band of 1.05 to 0.95 p.u. is none",
+        ),
+    ],
+)
+def test_set_points_and_limits_that_cannot_be_meant_are_all_told(control, fault):
+    case = grid(controls=[control], shunts=[gf.Shunt(3, "S1")])
+    with pytest.raises(gf.CaseError) as raised:
+        with_limits(case)
+    assert raised.value.faults == [fault]
+    out = tuple(replace(u, in_service=u.bus == 1) for u in case.generators)
+    without = replace(case, generators=out, shunts=(gf.Shunt(3, "S1", in_service=False),))
+    assert "not the stored one" in told(with_limits(without))
+
+
+def test_a_regulated_bus_that_is_not_there_is_told_and_the_own_one_held():
+    found = with_limits(grid(controls=[unit(2, 1.03, holds=99)]))
+    assert found.buses[1].voltage_pu == pytest.approx(1.03, abs=1e-9)
+    assert "out of reach, so that the own one is held: 2:1 (99)" in told(found)
+
+
+def test_of_plants_that_hold_one_bus_at_two_voltages_the_first_counts_and_is_told():
+    controls = [unit(2, 1.01, holds=3), unit(4, 1.04, holds=3)]
+    found = with_limits(grid(controls=controls, units=((2, 50.0), (4, 10.0))))
+    assert found.buses[2].voltage_pu == pytest.approx(1.01, abs=1e-9)
+    assert "generator 4:1 holds 1.01 p.u. in place of 1.04, with generator 2:1" in told(found)
+
+
 def test_the_jacobian_is_that_of_differences():
     rng = np.random.default_rng(3)
     y = rng.normal(size=(4, 4)) + 1j * rng.normal(size=(4, 4))

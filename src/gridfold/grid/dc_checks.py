@@ -53,9 +53,9 @@ def _line_faults(case: Case, line: DcLine) -> Iterator[str]:
                 continue
             if not math.isfinite(value):
                 yield f"{where}{field.name} is {value!r}, not a finite number"
-            elif field.name in _POSITIVE and not value > 0:
+            elif line.in_service and field.name in _POSITIVE and not value > 0:
                 yield f"{where}{field.name} must be positive, not {value!r}"
-            elif field.name in _NOT_NEGATIVE and value < 0:
+            elif line.in_service and field.name in _NOT_NEGATIVE and value < 0:
                 yield f"{where}{field.name} must be 0 or more, not {value!r}"
     if line.in_service:
         yield from _thyristor_faults(line) if isinstance(line, ThyristorLine) else _control(line)

@@ -6,9 +6,16 @@ from collections.abc import Mapping
 
 from gridfold.grid.flow_controls import ShuntControl, ShuntMode, UnitControl
 from gridfold.io.case_draft import Row
+from gridfold.io.raw_fields import as_number
 
 _MODES = {mode.value: mode for mode in ShuntMode}
 _NO_LIMIT = 9999.0  # Mvar, as PSS/E writes it
+
+
+def bus_number(text: str) -> int:
+    """A bus number as it stands in a record; 0 where it is none."""
+    value = as_number(text)
+    return int(value) if value is not None and value.is_integer() else 0
 
 
 def unit_control(row: Row, bus: int, identifier: str, own: Mapping[str, str]) -> UnitControl:

@@ -40,12 +40,12 @@ from gridfold.errors import CaseFileError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.matpower_file import read_matpower
-from gridfold.io.powerio_branches import JOINS, LINE_CHARGING
-from gridfold.io.powerio_records import BLANK_FIELDS, Extras, convert_network
+from gridfold.io.powerio_records import Extras, convert_network
+from gridfold.io.raw_beside import annotate, extras_of, skipped
 from gridfold.io.raw_codes import check_codes
-from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcLines, read_dc_lines
+from gridfold.io.raw_dc import TWO_TERMINAL, VSC, read_dc_lines
 from gridfold.io.raw_fields import INNER_QUOTE
-from gridfold.io.raw_records import CompleteRecords, complete_records
+from gridfold.io.raw_records import complete_records
 from gridfold.io.raw_revision import check_revision, find_revision
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
 from gridfold.io.raw_settings import joining_threshold
@@ -153,8 +153,8 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
             raise CaseFileError(faults, str(path))
         data, diagnostics = _parse(records.text, "psse", path, replace(sections, text=records.text))
         places = _places(data, sections, path)
-        _annotate(data, records, threshold)
-        case = _converted(data, path, places, _extras(dc_lines, records, path))
+        annotate(data, records, threshold)
+        case = _converted(data, path, places, extras_of(dc_lines, records, path.name))
     except CaseFileError as error:
         raise CaseFileError([*error.faults, *sections.doubts], str(path), error.advice) from error
     return replace(
@@ -164,42 +164,12 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
             *sections.doubts,
             *notices,
             *records.notices,
-            *_skipped(sections),
+            *skipped(sections),
             *case.notices,
         ),
         doubts=tuple(codes.doubts),
         file_counts=_raw_counts(sections),
     )
-
-
-def _annotate(data: Mapping[str, Any], records: CompleteRecords, threshold: float) -> None:
-    """Tell of lines and generators what powerio does not."""
-    for row, charging in zip(data["branches"], records.line_charging, strict=False):
-        row[LINE_CHARGING] = charging
-        row[JOINS] = float(row["r"]) == 0 and abs(float(row["x"])) <= threshold
-    for row in data["switches"]:
-        row[JOINS] = abs(float(row["extras"].get("psse_xpu", 0.0))) <= threshold
-    for row, blanks in zip(data["generators"], records.blanks, strict=True):
-        row[BLANK_FIELDS] = blanks
-
-
-def _extras(dc_lines: DcLines, records: CompleteRecords, path: Path) -> Extras:
-    """What powerio does not tell, with its places."""
-    return Extras(
-        dc_lines=tuple((line, f"{path.name}:{number}") for line, number in dc_lines.lines),
-        bus_shunts=tuple((fields, f"{path.name}:{at}") for at, fields in records.bus_shunts),
-        unsupported=tuple(dc_lines.unsupported),
-    )
-
-
-def _skipped(sections: RawSections) -> list[str]:
-    """What is not read and might have been meant to count."""
-    nodes = len(sections.of("SUBSTATION"))
-    if not nodes:
-        return []
-    return [
-        f"substations with their nodes are not read ({nodes} lines): buses are as in the BUS section"
-    ]
 
 
 def _converted(

@@ -56,6 +56,8 @@ class CompleteRecords:
         Field B of each line, in per unit; nan where it is no number.
     blanks : list of frozenset of str
         Fields of each generator that were blank.
+    regulated, held_by_shunts : list of str
+        Field IREG of each generator, and SWREM of each switched shunt.
     bus_shunts : list of (int, Mapping)
         Line and fields of each bus record that holds a shunt, up to revision 30.
     dc_records : list of DcRecord
@@ -67,6 +69,8 @@ class CompleteRecords:
     notices: list[str] = field(default_factory=list)
     line_charging: list[float] = field(default_factory=list)
     blanks: list[frozenset[str]] = field(default_factory=list)
+    regulated: list[str] = field(default_factory=list)
+    held_by_shunts: list[str] = field(default_factory=list)
     bus_shunts: list[tuple[int, Mapping[str, str]]] = field(default_factory=list)
     dc_records: list[DcRecord] = field(default_factory=list)
 
@@ -175,6 +179,9 @@ class _Writer:
             self.done.line_charging.append(_float(values["B"]))
         elif section == "GENERATOR":
             self.done.blanks.append(frozenset(blanks))
+            self.done.regulated.append(values["IREG"])
+        elif section == "SWITCHED SHUNT":
+            self.done.held_by_shunts.append(values["SWREM"])
 
     def _bus_shunt(self, number: int, values: Mapping[str, str]) -> None:
         given = {name: values.get(name, "0") for name in ("GL", "BL")}

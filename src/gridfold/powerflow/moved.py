@@ -25,6 +25,7 @@ def moved_case(
     over: Sequence[PlantPower],
     switched: Sequence[tuple[Switched, float]],
     stuck: Sequence[Switched],
+    astray: Sequence[str],
 ) -> Case:
     """The case with this operating point as its stored one.
 
@@ -42,6 +43,8 @@ def moved_case(
         Shunts whose susceptance changed, and that in p.u.
     stuck : sequence of Switched
         Shunts that turned back, and stay.
+    astray : sequence of str
+        Units and shunts whose regulated bus is out of reach.
     """
     size = np.abs(voltage)
     buses = tuple(
@@ -72,6 +75,11 @@ def moved_case(
         *_plants(case, limited),
         *_swings(case, over),
         *_shunts(case, switched, stuck),
+        *(
+            [f"a regulated bus is out of reach, so that the own one is held: {_list(astray)}"]
+            if astray
+            else []
+        ),
     ]
     return replace(
         case,

@@ -138,6 +138,50 @@ def switched_shunts_of(
     return tuple(found)
 
 
+def control_faults(case: Case) -> list[str]:
+    """Set points and limits that cannot be meant, a line each, of units and shunts in service."""
+    faults = []
+    live = {unit.key: unit for unit in case.generators if unit.in_service}
+    shunts = {(shunt.bus, shunt.id): shunt for shunt in case.shunts if shunt.in_service}
+    for item in case.flow_controls:
+        if isinstance(item, UnitControl):
+            unit = live.get(UnitKey(item.bus, item.id))
+            if unit is None or unit.control is Control.POWER:
+                continue
+            where = case.locate(unit)
+            if not item.set_point_pu > 0:
+                faults.append(
+                    f"{where}: the set point must be positive, not {item.set_point_pu:g} p.u."
+                )
+            if item.reactive_min_mvar > item.reactive_max_mvar:
+                faults.append(
+                    f"{where}: the least reactive power {item.reactive_min_mvar:g} Mvar is above the "
+                    f"most {item.reactive_max_mvar:g}"
+                )
+            if not item.part > 0:
+                faults.append(f"{where}: its part RMPCT must be positive, not {item.part:g}")
+        elif shunt := shunts.get((item.bus, item.id)):
+            follows = item.mode in (ShuntMode.DISCRETE, ShuntMode.CONTINUOUS)
+            if follows and not 0 < item.voltage_min_pu <= item.voltage_max_pu:
+                faults.append(
+                    f"{case.locate(shunt)}: its band of {item.voltage_min_pu:g} to "
+                    f"{item.voltage_max_pu:g} p.u. is none"
+                )
+    return faults
+
+
+def out_of_reach(case: Case, place: NDArray[np.int64], islands: NDArray[np.int64]) -> list[str]:
+    """Units and shunts whose regulated bus is not in their island: they hold their own."""
+    names = []
+    for item in case.flow_controls:
+        if item.bus in case.bus_index and item.regulated_bus != item.bus:
+            node = int(place[case.bus_index[item.bus]])
+            remote = case.bus_index.get(item.regulated_bus)
+            if remote is None or islands[place[remote]] != islands[node]:
+                names.append(f"{item.bus}:{item.id} ({item.regulated_bus})")
+    return names
+
+
 def _held(
     case: Case, place: NDArray[np.int64], islands: NDArray[np.int64], node: int, bus: int
 ) -> int:
