@@ -36,7 +36,7 @@ from gridfold.powerflow.plants import (
 from gridfold.powerflow.switching import MARGIN, At, Switching
 
 _ROUNDS = 200
-_STORED_MARGIN = 1e-4  # p.u., the same of stored values
+_STORED_MARGIN = 1e-4  # p.u. of stored values, which files round
 _WORST = 5
 
 
@@ -149,14 +149,18 @@ class _Search:
                 phasor = bus.voltage_pu * np.exp(1j * np.deg2rad(bus.angle_deg))
                 stored[self.place[at]] = flat[self.place[at]] = phasor
         made = np.array([*(plant.stored for plant in self.plants), *state.levels])
+        problem, trouble = self.problem.with_held(state.held), ""
         for start in (stored, flat):
-            found = solve_controlled(
-                self.problem.with_held(state.held),
-                Solution(start, made, np.zeros_like(start), converged=False),
-            )
+            try:
+                nothing = np.zeros_like(start)
+                found = solve_controlled(problem, Solution(start, made, nothing, converged=False))
+            except PowerFlowError as error:  # a dc line at voltages on the way
+                trouble = str(error)
+                continue
             if found.converged:
                 return found
-        raise PowerFlowError(self._explain(found, "with all units at their set points"))
+            trouble = self._explain(found, "with all units at their set points")
+        raise PowerFlowError(trouble)
 
     def _solved(self, state: Switching, before: Solution) -> Solution:
         found = solve_controlled(self.problem.with_held(state.held), before)

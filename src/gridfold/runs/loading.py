@@ -16,6 +16,7 @@ from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
 from gridfold.powerflow.limits import with_limits
+from gridfold.runs.dc_models import dc_replacements
 from gridfold.runs.strict import refuse_doubtful_case
 
 Choice = TypeVar("Choice", bound=Enum)
@@ -188,7 +189,7 @@ def with_devices(
         devices=found.records,
         origins={**case.origins, **found.origins},
         notices=(*case.notices, *found.skipped),
-        replacements=found.replaced,
+        replacements=(*found.replaced, *dc_replacements(case, data.skipped)),
         unplaced=found.unplaced,
     )
 
