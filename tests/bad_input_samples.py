@@ -419,12 +419,6 @@ CASE_FOLDERS: tuple[FolderSample, ...] = (
         gf.CaseError,
     ),
     FolderSample(
-        "two slack buses",
-        swap("generators.csv", "100,voltage", "100,slack"),
-        ("island of bus 1", "more than one slack bus", "[1, 2]"),
-        gf.CaseError,
-    ),
-    FolderSample(
         "island without generator",
         append("buses.csv", "7,Remote,230,1,1,0"),
         ("island of bus 7", "no generator"),

@@ -259,6 +259,38 @@ def test_a_file_that_hides_its_revision_is_read_as_it_is_told_on_every_way(comma
     assert case.fingerprint == facts["fingerprint"]
 
 
+def test_dc_lines_and_what_was_moved_are_told_with_every_result(command, tmp_path):
+    station = OWN / "raw" / "station_35.raw"
+    stored = record(command, "info", station)["case_notices"]
+    assert any(line.startswith('dc line "NORD" draws 60.0 MW') for line in stored)
+    assert not any("not the stored one" in line for line in stored)
+    moved = record(command, "info", station, "--solve", "limits")["case_notices"]
+    limited = 'at a reactive limit: the converter of VSC dc line "OST" at bus 5 150.0 Mvar'
+    assert limited in moved
+    run = ("simulate", station, DYR, "--fault-bus", 6, "--t-end", 0.2)
+    facts = record(command, *run, "--solve", "limits")
+    assert limited in facts["case_notices"]
+    assert any('VSC dc line "OST" draws' in line for line in facts["case_notices"])
+    content = {
+        "schema": 1,
+        "case": {"source": str(station), "solve": "limits"},
+        "contingencies": {"bus_faults": "1-3"},
+    }
+    case = load_grid(parse_study(content), tmp_path)
+    assert limited in case.notices
+
+
+def test_a_case_without_an_operating_point_within_limits_can_be_looked_at(command, tmp_path):
+    text = (OWN / "raw" / "station_30.raw").read_text()
+    path = tmp_path / "heavy.raw"
+    path.write_text(text.replace("180.0,50.0", "180.0,900.0"))
+    facts = record(command, "info", path, "--solve", "limits")
+    assert "no operating point was found" in facts["trouble"]
+    assert "no operating point was found" in refusal(
+        command, "eigenvalues", path, DYR, "--solve", "limits"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -273,7 +305,9 @@ def test_a_file_that_hides_its_revision_is_read_as_it_is_told_on_every_way(comma
         ((RAW, DYR, "--loads", "0.5,0.1,0.1"), "add up to 0.7"),
         ((RAW, DYR, "--unsupported", "ignore"), "ignore"),
         ((RAW, DYR, "--no-data", "ignore"), "ignore"),
-        ((RAW, DYR, "--raw-revision", "30"), "raw_revision must be one of 31 to 35, not 30"),
+        ((RAW, DYR, "--raw-revision", "28"), "raw_revision must be one of 29 to 35, not 28"),
+        (("npcc", "--solve", "limits"), "case npcc gives no set points and limits"),
+        ((RAW, DYR, "--solve", "flat"), "flat"),
         (("npcc", "--raw-revision", "33"), "raw_revision is for RAW files of PSS/E, not for npcc"),
     ],
 )

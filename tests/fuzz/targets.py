@@ -86,7 +86,10 @@ def _npcc() -> gf.DetailedModel:
 
 
 def _read_raw(path: Path) -> None:
-    gf.solve_power_flow(gf.load_case(path, allow_unsupported_network=True))
+    case = gf.load_case(path, allow_unsupported_network=True)
+    with suppress(gf.PowerFlowError):
+        gf.solve_power_flow(case)
+    gf.solve_power_flow(gf.load_case(path, allow_unsupported_network=True, solve="limits"))
 
 
 def _read_dyr(path: Path) -> None:

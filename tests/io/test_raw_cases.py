@@ -9,6 +9,7 @@ import powerio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from raw_texts import raw_text
 
 import gridfold as gf
 from gridfold.errors import GridfoldError
@@ -90,12 +91,17 @@ def test_every_revision_gives_the_same_case(other):
     assert replace(own(f"{other}.raw"), name=plain.name, description=plain.description) == plain
 
 
-def test_revision_31_is_read_where_it_does_not_differ_from_32(tmp_path):
-    plain = own("revision_32.raw")
+def test_revision_31_differs_from_32_by_the_fields_of_switched_shunts_alone(tmp_path):
     older = read_network(written(tmp_path, "revision_32.raw", (" 32,", " 31,")))
-    assert older == plain
-    with_switched = written(tmp_path, "shunts.raw", (" 32,", " 31,"))
-    assert "switched shunts are read since revision 32" in refused(with_switched)
+    assert older == own("revision_32.raw")
+    with_status, without = "3,1,0,1,1.1,0.9,0,100,'',30,1,30", "3,1,1.1,0.9,0,100,'',30,1,30"
+    found = {}
+    for revision, record in ((32, with_status), (31, without)):
+        path = tmp_path / "five.raw"
+        path.write_text(raw_text({"SWITCHED SHUNT": (record,)}, f"0,100.0,{revision},0,1,60.0"))
+        found[revision] = read_network(path)
+    assert found[31] == found[32]
+    assert found[31].shunts == (gf.Shunt(3, "S1", 0.0, 30.0),)
 
 
 def test_records_know_their_file_and_line():
@@ -268,7 +274,11 @@ def test_isolated_buses_are_left_out_with_what_stands_there_and_told():
 def test_switching_devices_are_branches():
     closed, opened = own("switching_device.raw").branches[3:]
     assert closed == gf.Branch(1, 4, "@1", reactance=2e-4)
-    assert opened == gf.Branch(2, 4, "@1", reactance=1e-4, in_service=False)
+    assert opened == gf.Branch(
+        2, 4, "@1", in_service=False
+    )  # 1e-4 p.u.: closed it would join its buses
+    assert not closed.joins
+    assert opened.joins
 
 
 def test_a_matpower_file_numbers_its_units_and_parallel_branches():
@@ -292,12 +302,9 @@ def test_a_matpower_file_numbers_its_units_and_parallel_branches():
             "dc_and_facts.raw",
             [
                 "FACTS DEVICE section: 1 record line",
-                "VSC DC LINE section: 3 record lines",
-                'two-terminal dc line "WEST": 1 record (dc_and_facts.raw:24)',
             ],
         ),
         ("dc_line.m", ['two-terminal dc line "1-3": 1 record (dc_line.m:34)']),
-        ("correction_table.raw", ["branch 1-3:1: impedance correction table 2"]),
         (
             "step_up_in_generator.raw",
             ["generator 2:1: step-up transformer within the generator"],
@@ -345,14 +352,14 @@ def test_distributed_generation_within_a_load_is_refused(tmp_path):
         ([("    2,'SOUTH", "    1,'SOUTH")], "duplicate bus id 1 (lines 4, 5)"),
         ([("1,     2,'1 '", "1,     7,'1 '")], "branch 0 references unknown bus 7 (line 14)"),
         ([("1,     2,'1 '", "1,     1,'1 '")], "branch 1-1:1 (revision_33.raw:14): it joins a bus"),
-        ([("1.00000E-2, 8.00000E-2", "0.0, 0.0")], "(revision_33.raw:14): its impedance is zero"),
+        ([("0.00000E+0, 1.20000E-1,", "0.0, 0.0,")], "(revision_33.raw:17): its impedance is zero"),
         ([(" 1.00000E-2, 8.00000E-2,", "/")], "line 14: X of a branch is blank, and it has no"),
         ([("0.00000E+0, 1.20000E-1,   100.00", "0.0")], "line 18: X1-2 of a transformer is blank"),
         ([("    2,     3,'1 '", "    1,     2,'1 '")], "branch 1-2:1 is given 2 times"),
         ([("230.0000,3,", "230.0000,2,")], "has no slack generator"),
         ([("1.04000,   0.0000", "-1.04000,   0.0000")], "voltage_pu must be positive"),
         ([(" 33,", " 36,")], "line 1: the header gives the revision '36'; gridfold reads"),
-        ([(" 33,", " 30,")], "line 1: the header gives the revision '30'; gridfold reads"),
+        ([(" 33,", " 28,")], "line 1: the header gives the revision '28'; gridfold reads"),
         ([("100.00, 33", "0.00, 33")], "SBASE"),
     ],
 )
@@ -485,16 +492,22 @@ def test_a_public_sample_with_three_windings_is_solved():
     assert np.abs(np.abs(voltage[:9]) - [bus.voltage_pu for bus in case.buses[:9]]).max() < 0.02
 
 
-def test_a_public_sample_of_revision_35_is_read_without_its_dc_lines():
+def test_a_public_sample_of_revision_35_is_read_but_for_what_has_no_model():
     case = public("samples/case25_v35_savnwb.raw", allow_unsupported=True)
     assert (len(case.buses), len(case.loads), len(case.generators)) == (26, 17, 42)
     records = find_sections((CASES / "samples/case25_v35_savnwb.raw").read_text())
     assert len(records.of(THREE_WINDING)) == 1
     assert len(case.branches) == 33 + 2 + 6 + 3
     told = Counter(line.split(":")[0].split('"')[0] for line in case.unsupported)
-    assert told["FACTS DEVICE section"] == told["VSC DC LINE section"] == 1
-    assert told["two-terminal dc line "] == 2
-    assert sum("impedance correction" in line for line in case.unsupported) == 8
+    assert told == {"FACTS DEVICE section": 1, "dc line ": 2}
+    assert sum("capacitors between converters" in line for line in case.unsupported) == 2
+    assert [line.buses for line in case.dc_lines] == [(212, 213), (220, 222)]
+    assert [str(b) for b in case.branches if b.joins] == ["branch 220-222:*1", "branch 219-213:@1"]
+    shifter = next(b for b in case.branches if str(b) == "branch 110-212:1")
+    share = (1.03717 - 1) / (1.06 - 1)  # between the points (1, 1) and (1.06, 0.99006 + 0.00011j)
+    factor = 1 + share * (0.99006 + 0.00011j - 1)
+    z = complex(shifter.resistance, shifter.reactance)
+    assert z == pytest.approx(complex(2.3e-3, 2e-2) * factor, abs=1e-15)
 
 
 @pytest.mark.parametrize("space", [" ", "\t", " \t"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from raw_texts import BUSES, LINES, TRANSFORMERS, UNITS, raw_text
+from raw_texts import BUSES, LINES, LOADS, TRANSFORMERS, UNITS, raw_text
 
 import gridfold as gf
 from gridfold.io.powerio_cases import read_network
@@ -19,6 +19,15 @@ OLD_BUSES = (
     "4,'TOWN',230.0,1,0.0,0.0,2,3,1.0,0.0,1",
     "5,'SOUTH',115.0,1,0.0,0.0,2,3,1.0,0.0,1",
 )
+#: Without the metered end, and with the length and the owner that follow.
+OLD_LINES = tuple(line[: line.rindex(",")] + ",12.5,1,1.0" for line in LINES)
+OLD_ORDER = (
+    "BUS", "LOAD", "GENERATOR", "BRANCH", "TRANSFORMER", "AREA", "TWO-TERMINAL DC", "VSC DC LINE",
+    "SWITCHED SHUNT", "IMPEDANCE CORRECTION", "MULTI-TERMINAL DC", "MULTI-SECTION LINE", "ZONE",
+    "INTER-AREA TRANSFER", "OWNER", "FACTS DEVICE",
+)  # fmt: skip
+SWITCHED = "4,1,0,1,1.05,0.95,0,100.0,'',25.0,2,25.0"
+OLD_SWITCHED = "4,1,1.05,0.95,0,100.0,'',25.0,2,25.0"
 #: Loads, shunts and the voltage stand in the record of the bus, its name after them.
 OLDEST_BUSES = (
     "1,3,0.0,0.0,0.0,0.0,1,1.02,0.0,'bus-1',18.0,1",
@@ -26,7 +35,7 @@ OLDEST_BUSES = (
     "3,1,90.0,30.0,0.0,0.0,1,1.0,0.0,'bus-3',230.0,1",
 )
 NO_REVISION = ("0,100.0", "0,100.0 / PSS/E-30 RAW", "0,100.0,,0,1,60.0", "0 100.0 / NONE", ",")
-READABLE = "gridfold reads revisions 31 to 35"
+READABLE = "gridfold reads revisions 29 to 35"
 
 
 def read(tmp_path, text, **options):
@@ -51,11 +60,37 @@ def test_without_a_revision_the_fields_of_bus_records_tell_it(header, tmp_path):
     )
 
 
-@pytest.mark.parametrize("header", NO_REVISION)
-def test_without_a_revision_the_layout_of_30_is_refused_in_a_sentence(header, tmp_path):
-    message = refused(tmp_path, raw_text({"BUS": OLD_BUSES}, header))
-    assert "line 1: the header gives no revision, and the bus records have the fields of" in message
-    assert f"revision 30 or older; {READABLE}" in message
+def old_text(header, buses=OLD_BUSES, **changes):
+    """The five buses as revision 30 has them: no fixed shunts, switched shunts before the tables."""
+    records = {"BUS": buses, "LOAD": LOADS, "GENERATOR": UNITS}
+    records |= {"BRANCH": OLD_LINES, "TRANSFORMER": TRANSFORMERS} | changes
+    lines = [header, "FIVE BUSES", "OF THE TESTS"]
+    for section in OLD_ORDER:
+        lines += [*records.get(section, ()), "0 /"]
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize("header", [*NO_REVISION, "0,100.0,30", "0,100.0,29"])
+def test_revision_30_gives_the_same_case_as_33_with_the_shunts_of_its_buses(header, tmp_path):
+    shunts = {"FIXED SHUNT": ("3,'1',1,0.0,30.0",), "SWITCHED SHUNT": (SWITCHED,)}
+    plain = read(tmp_path, raw_text(shunts))
+    found = read(tmp_path, old_text(header, **{"SWITCHED SHUNT": (OLD_SWITCHED,)}))
+    areas = tuple(replace(bus, area=2, zone=3) for bus in plain.buses)
+    assert found == replace(plain, buses=areas, base_mva=found.base_mva)
+    assert found.shunts == (gf.Shunt(3, "1", 0.0, 30.0), gf.Shunt(4, "S1", 0.0, 25.0))
+    assert found.origins["shunt 3:1"] == "revision.raw:6"
+    told = "the records have the fields of revision 30 or older, read as 30"
+    unknown = header in NO_REVISION and "PSS" not in header
+    assert (told in found.notices[0]) == unknown
+
+
+def test_shunts_of_a_bus_record_reach_the_power_flow(tmp_path):
+    """30 Mvar at 1 p.u. raise the voltage by about Q x: as the same shunt in a section of its own."""
+    flow = gf.solve_power_flow(read(tmp_path, old_text("0,100.0")))
+    same = gf.solve_power_flow(read(tmp_path, raw_text({"FIXED SHUNT": ("3,'1',1,0.0,30.0",)})))
+    without = gf.solve_power_flow(read(tmp_path, raw_text()))
+    np.testing.assert_allclose(flow.voltage, same.voltage, atol=1e-12)
+    assert abs(flow.voltage[2]) > abs(without.voltage[2]) + 0.003
 
 
 @pytest.mark.parametrize(
@@ -64,25 +99,62 @@ def test_without_a_revision_the_layout_of_30_is_refused_in_a_sentence(header, tm
         tuple(bus.replace("0.0,0.0,2", "0,0,2") for bus in OLD_BUSES),
         tuple(bus[: bus.rindex(",")] for bus in OLD_BUSES),
         tuple(",".join(bus.split(",")[:9]) for bus in OLD_BUSES),
-        OLDEST_BUSES,
-        tuple(bus.replace(",", " ") for bus in OLDEST_BUSES),
     ],
 )
-def test_neighbours_of_the_old_layouts_are_recognized_too(buses, tmp_path):
-    for header in ("0,100.0", "0,100.0,33,0,1,60.0", "0,100.0,32"):
+def test_neighbours_of_the_old_layout_are_recognized_too(buses, tmp_path):
+    assert read(tmp_path, old_text("0,100.0", buses)).buses[2].voltage_pu == 1.0
+    for header in ("0,100.0,33,0,1,60.0", "0,100.0,32"):
         assert "the fields of revision 30 or older" in refused(
             tmp_path, raw_text({"BUS": buses}, header)
         )
 
 
-@pytest.mark.parametrize(
-    "revision", ["23", "26", "29", "30", "30.3", "36", "2019", "x", "-33", "0"]
-)
+@pytest.mark.parametrize("header", ["0,100.0", "0,100.0,33,0,1,60.0", "0,100.0,32", "0,100.0,30"])
+def test_the_layout_of_23_is_refused_in_a_sentence(header, tmp_path):
+    for buses in (OLDEST_BUSES, tuple(bus.replace(",", " ") for bus in OLDEST_BUSES)):
+        message = refused(tmp_path, raw_text({"BUS": buses}, header))
+        assert "the fields of revision 23 or older" in message
+
+
+def test_a_comment_that_names_an_older_revision_is_believed(tmp_path):
+    message = refused(tmp_path, old_text("0,100.0 / PSS/E-26.1 RAW"))
+    assert "gives no revision, its comment names 26, and the bus records" in message
+    assert READABLE in message
+
+
+@pytest.mark.parametrize("revision", ["23", "26", "28", "30.3", "36", "2019", "x", "-33", "0"])
 def test_a_revision_that_is_not_read_is_refused_in_a_sentence(revision, tmp_path):
-    buses = OLD_BUSES if revision in ("29", "30") else OLDEST_BUSES
-    message = refused(tmp_path, raw_text({"BUS": buses}, f"0,100.0,{revision},0,1,60.0"))
+    message = refused(tmp_path, raw_text({"BUS": OLDEST_BUSES}, f"0,100.0,{revision},0,1,60.0"))
     assert f"line 1: the header gives the revision {revision!r}; {READABLE}" in message
     assert "bus-1" not in message
+
+
+def test_a_header_of_30_over_records_of_33_is_refused(tmp_path):
+    message = refused(tmp_path, raw_text(header="0,100.0,30"))
+    assert "gives revision 30, but the records have the fields of revisions 31 to 33" in message
+
+
+def test_a_station_of_all_sections_is_the_same_in_revisions_30_and_35():
+    """Dc lines, correction tables, shunts, a coupler, names with quotes, comments, substations."""
+    old, new = (read_network(OWN / f"station_{revision}.raw") for revision in (30, 35))
+    assert (old.buses, old.loads, old.shunts) == (new.buses, new.loads, new.shunts)
+    assert (old.generators, old.dc_lines) == (new.generators, new.dc_lines)
+    assert set(old.flow_controls) == set(new.flow_controls)
+    by_name = [{str(b): b for b in case.branches} for case in (old, new)]
+    assert by_name[0].keys() == by_name[1].keys()
+    for name, branch in by_name[0].items():
+        other = by_name[1][name]
+        assert other == replace(branch, reactance=other.reactance)
+        assert other.reactance == pytest.approx(branch.reactance, rel=1e-15)
+    assert [bus.name for bus in new.buses[1:3]] == ["O'NEIL", "NORTH"]
+    coupled = "without impedance, so that their buses are one node: 3-6:K"
+    assert old.notices == ("BASFRQ of the header is blank: 60 Hz", coupled)
+    assert new.notices == (
+        "substations with their nodes are not read (5 lines): buses are as in the BUS section",
+        coupled,
+    )
+    voltages = [gf.solve_power_flow(case).voltage for case in (old, new)]
+    np.testing.assert_allclose(*voltages, atol=1e-10)
 
 
 @pytest.mark.parametrize("revision", [32, 33, 34, 35])
@@ -111,7 +183,7 @@ def test_where_nothing_tells_the_revision_is_asked_for(tmp_path):
         text = raw_text({"BUS": buses}, "0,100.0")
         message = refused(tmp_path, text)
         assert "the header gives no revision, and the records have no fields" in message
-        assert "--raw-revision 33 (raw_revision=33), or another one from 31 to 35" in message
+        assert "--raw-revision 33 (raw_revision=33), or another one from 29 to 35" in message
     text = raw_text({"BUS": short}, "0,100.0")
     assert [bus.voltage_pu for bus in read(tmp_path, text, raw_revision=33).buses] == [1.0] * 5
 
@@ -128,9 +200,9 @@ def test_the_revision_that_is_asked_for_goes_before_that_of_the_header(tmp_path)
     )
 
 
-@pytest.mark.parametrize("revision", [30, 36, 0, -1])
+@pytest.mark.parametrize("revision", [28, 36, 0, -1])
 def test_revisions_that_are_not_read_cannot_be_asked_for(revision, tmp_path):
-    with pytest.raises(gf.OptionError, match="raw_revision must be one of 31 to 35"):
+    with pytest.raises(gf.OptionError, match="raw_revision must be one of 29 to 35"):
         read(tmp_path, raw_text(), raw_revision=revision)
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from area_cases import boundary_voltages, external_admittance, external_derivatives
@@ -80,3 +82,32 @@ def test_a_boundary_bus_without_voltage_has_no_angle_to_linearize_about(npcc, pa
     faulted = build_timeline(npcc.case, [gf.BusFault(29, duration=0.1)], 1.0)[0].state
     with pytest.raises(OptionError, match="boundary bus 29"):
         linearize_external(parts, npcc.for_state(faulted), npcc.x0)
+
+
+def with_joined_buses(reactance):
+    """The NPCC system with three short lines at bus 37, outside of the study area."""
+    case = gf.load_case("npcc")
+    short = {"branch 38-37:1", "branch 39-37:1", "branch 40-37:1"}
+    branches = tuple(
+        replace(b, resistance=0.0, reactance=reactance) if str(b) in short else b
+        for b in case.branches
+    )
+    return gf.partition(gf.build_model(replace(case, branches=branches)), range(1, 37))
+
+
+def test_joined_buses_outside_are_as_with_hardly_an_impedance():
+    joined, near = (linearize_external(with_joined_buses(x)) for x in (0.0, 1e-7))
+    assert joined.system.state_names == near.system.state_names
+    np.testing.assert_allclose(joined.system.a, near.system.a, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(joined.system.b, near.system.b, rtol=1e-4, atol=1e-4)
+
+
+def test_a_tie_line_without_impedance_is_refused_in_words():
+    case = gf.load_case("npcc")
+    branches = tuple(
+        replace(b, resistance=0.0, reactance=0.0) if str(b) == "branch 37-29:1" else b
+        for b in case.branches
+    )
+    parts = gf.partition(gf.build_model(replace(case, branches=branches)), range(1, 37))
+    with pytest.raises(gf.OptionError, match="joins boundary buses of the study area"):
+        linearize_external(parts)

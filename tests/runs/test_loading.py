@@ -247,3 +247,15 @@ def test_texas_system_has_every_model_of_its_dynamic_data():
     model = gf.build_model(loaded.case, on_limit=OnLimit.ADJUST)
     assert np.abs(model.compiled(model.x0)).max() < 1e-8
     assert sum("limit moved" in warning for warning in model.warnings) == 40
+
+
+def test_the_dynamic_model_of_a_dc_line_is_left_out_and_not_validated(tmp_path):
+    """Its ends stay constant, which is another model than that of the file."""
+    text = (OWN / "dyr" / "plain.dyr").read_text()
+    path = tmp_path / "dc.dyr"
+    station = OWN / "raw" / "station_35.raw"
+    path.write_text(f"{text}\n'NORD' 'CDC4T' 75.0 26.0 /\n'WEST' 'CDC4T' 75.0 26.0 /\n")
+    (left_out,) = load_psse(station, path).replacements
+    assert (left_out.model, left_out.units) == ("CDC4T", (gf.UnitKey(3, "NORD"),))
+    assert left_out.outcome.startswith("left out; both ends of the dc line stay")
+    assert load_psse(station, OWN / "dyr" / "plain.dyr").replacements == ()

@@ -138,7 +138,7 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[clearing_times]\nwanted = true\nlongest = 99\n", "clearing_times.longest"),
         (LEAST + "[[contingency]]\nname = ''\nevents = []\n", "contingency"),
         (LEAST + "[[contingency]]\nname = 'a'\nevnts = []\n", "did you mean 'events'?"),
-        (LEAST + "[case]\nraw_revision = 30\n", "study.toml:5: case.raw_revision"),
+        (LEAST + "[case]\nraw_revision = 28\n", "study.toml:5: case.raw_revision"),
         (LEAST + "[case]\nraw_revision = 'x'\n", "study.toml:5: case.raw_revision"),
         ("contingencies = 3\n", "contingencies"),
         ("= 1\n", "not TOML"),

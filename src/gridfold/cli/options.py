@@ -31,7 +31,7 @@ from gridfold.grid.number_ranges import Numbered, numbers_in, parse_ranges
 from gridfold.partition import Coupling, Partition, couple, study_buses
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
-from gridfold.runs.loading import is_network_file, load_case
+from gridfold.runs.loading import Solve, is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
 from gridfold.runs.size import check_times
 from gridfold.runs.strict import refuse_doubtful_start
@@ -111,10 +111,17 @@ class CaseOptions:
     raw_revision: Annotated[
         int | None,
         _case_option(
-            help="Revision of a .raw file, 31 to 35, whatever its header says.",
+            help="Revision of a .raw file, 29 to 35, whatever its header says.",
             show_default="that of the header",
         ),
     ] = None
+    solve: Annotated[
+        Solve,
+        _case_option(
+            help="The operating point: as stored, or by the set points, reactive limits and switched "
+            "shunts of the file."
+        ),
+    ] = Solve.STORED
     strict: Annotated[
         bool,
         _case_option(
@@ -149,6 +156,7 @@ class CaseOptions:
             unit_sources=self.unit_sources,
             allow_unsupported_network=self.allow_unsupported_network,
             raw_revision=self.raw_revision,
+            solve=self.solve,
             strict=self.strict,
         )
 
@@ -185,6 +193,7 @@ class CaseOptions:
             self.without_data,
             self.raw_revision,
             self.unit_sources,
+            self.solve,
         )
 
 

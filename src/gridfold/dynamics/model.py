@@ -24,12 +24,14 @@ from gridfold.dynamics.network import (
     compile_with_loads,
     real_form,
 )
+from gridfold.dynamics.network.dc_ends import without_dead_lines
 from gridfold.dynamics.network.loads import (
     LoadModel,
     NonlinearLoads,
     closed_with_loads,
     nonlinear_loads,
 )
+from gridfold.dynamics.network.shedding import without_shed
 from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
@@ -40,7 +42,9 @@ from gridfold.errors import InitializationError, PowerFlowError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.islands import find_islands
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.nodes import joined, node_of_buses
 from gridfold.grid.redispatch import redispatched
 from gridfold.grid.timeline import initial_state
 from gridfold.numerics.rhs import CompiledRhs
@@ -182,10 +186,14 @@ class DetailedModel:
         if state.dispatch != self.state.dispatch:
             return self._redispatched(state.dispatch).for_state(state)
         start = self.start or StartData(self.layout, self.injections)
-        layout, injections = start.layout, start.injections.shed(self.case, state.load_shed)
+        layout, injections = (
+            start.layout,
+            without_shed(self.power_flow, start.injections, state.load_shed),
+        )
         if state.settings:
             layout = settled(layout, state.settings, self.power_flow)
             injections = replace(injections, machine=_machine_admittances(layout))
+        injections = _in_state(self.power_flow, injections, state)
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
         changed = replace(
             self,
@@ -345,8 +353,8 @@ def _built(
     ports = () if nonlinear is None else nonlinear.buses
     layout = build_layout(assemble(case, devices), ports)
     start = initialize(layout, solved, on_limit)
-    injections = _injections(solved, start.layout, nonlinear)
     state = initial_state(case)
+    injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
     equations = build_equations(solved, injections, layout.terminals, state)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
@@ -401,7 +409,7 @@ def _injections(
         for g, power in zip(case.generators, power_flow.unit_power, strict=True)
         if g.key in absorbed and g.in_service
     }
-    load = np.conj(power_flow.load_power) / squared
+    load = np.conj(power_flow.load_power + power_flow.converter_power) / squared
     return Injections(load, negative, _machine_admittances(layout), nonlinear)
 
 
@@ -416,9 +424,20 @@ def _machine_admittances(layout: Layout) -> dict[UnitKey, complex]:
     return machine
 
 
+def _in_state(power_flow: PowerFlowResult, whole: Injections, state: NetworkState) -> Injections:
+    """The injections in a network state: without dc lines of which an end is de-energized."""
+    if not power_flow.case.dc_lines:
+        return whole
+    sources = (unit.bus for unit in whole.machine if unit not in state.units_out)
+    islands = find_islands(power_flow.case, state.severed, sources)
+    return without_dead_lines(power_flow, whole, islands)
+
+
 def good_residual(power_flow: PowerFlowResult) -> float:
     """Residual below which an equilibrium is exact; more where branches have hardly an impedance."""
-    rounding = rounding_power(bus_admittance(power_flow.case), power_flow.voltage)
+    case = power_flow.case
+    admittance = joined(bus_admittance(case), node_of_buses(case))
+    rounding = rounding_power(admittance, power_flow.voltage)
     return max(RESIDUAL_GOOD, float(rounding.max()))
 
 

@@ -23,7 +23,6 @@ from scipy.sparse.linalg import splu
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import (
     CompiledNetwork,
-    NetworkEquations,
     NonlinearLoads,
     compile_with_loads,
 )
@@ -81,7 +80,7 @@ def port_network(
     voltages = model.bus_voltages(origin[None, :])[0]
     at_loads = voltages[[index[bus] for bus in loads.buses]]
     slopes = loads.slopes(at_loads)
-    rows = _live_rows(equations, [index[bus] for bus in loads.buses])
+    rows = equations.bus_rows[[index[bus] for bus in loads.buses]]
     factors = splu(real_matrix(equations, slopes, rows))
     constant = _constants(loads, at_loads, slopes, rows, far, len(equations.live))
     seen = _both(equations.terminals, len(equations.live))
@@ -99,12 +98,6 @@ def port_network(
     )  # fmt: skip
     guess = voltages[[index[bus] for bus in terminals]]
     return PortNetwork(with_loads(linear, own, terminals, guess, slopes[near]), turns=True)
-
-
-def _live_rows(equations: NetworkEquations, buses: list[int]) -> NDArray[np.int64]:
-    """Rows of buses (positions in the case) in the equations, -1 where there is no voltage."""
-    row = {int(bus): k for k, bus in enumerate(equations.live)}
-    return np.array([row.get(bus, -1) for bus in buses], dtype=np.int64)
 
 
 def _both(rows: NDArray[np.int64], n: int) -> NDArray[np.int64]:

@@ -28,8 +28,13 @@ class BranchAdmittances:
 
 
 def branch_admittances(branches: Collection[Branch]) -> BranchAdmittances:
-    """Two-port admittances of branches in per unit, with those at their ends, in service or not."""
-    series = 1 / np.array([complex(b.resistance, b.reactance) for b in branches], dtype=complex)
+    """Two-port admittances of branches in per unit, with those at their ends, in service or not.
+
+    Of a branch that joins its buses there is only what stands at its ends.
+    """
+    impedance = np.array([complex(b.resistance, b.reactance) for b in branches], dtype=complex)
+    joins = np.array([b.joins for b in branches], dtype=bool)
+    series = np.where(joins, 0.0, 1 / np.where(joins, 1.0, impedance))
     charging = 0.5j * np.array([b.susceptance for b in branches], dtype=float)
     ratio = np.array([b.ratio for b in branches], dtype=float)
     shift = np.deg2rad(np.array([b.shift_deg for b in branches], dtype=float))
@@ -48,6 +53,7 @@ def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> c
     """Admittance matrix of branches and fixed shunts in per unit, shape (n_buses, n_buses).
 
     `branches_out` are the positions of open branches; by default those out of service in the case.
+    Joined buses have rows of their own: :func:`gridfold.grid.nodes.joined` adds them up.
     """
     is_out = case.branches_out if branches_out is None else branches_out
     kept = [branch for position, branch in enumerate(case.branches) if position not in is_out]

@@ -13,8 +13,10 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.energy_source import EnergySource
+from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.replacement import Replacement
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
@@ -109,6 +111,9 @@ class Branch:
     ground, in per unit on the system base, that stand at the buses and go out with the branch:
     ``from_conductance + j from_susceptance`` at `from_bus`, outside of the ideal transformer, and
     likewise at `to_bus`.
+
+    Resistance and reactance 0 without ratio and shift: its two buses are one node while it is in
+    service, as with a closed bus coupler (:mod:`gridfold.grid.nodes`).
     """
 
     from_bus: int
@@ -124,6 +129,12 @@ class Branch:
     from_susceptance: float = field(default=0.0, metadata=_LATER)
     to_conductance: float = field(default=0.0, metadata=_LATER)
     to_susceptance: float = field(default=0.0, metadata=_LATER)
+
+    @property
+    def joins(self) -> bool:
+        """Whether it has no impedance: in service it makes one node of its two buses."""
+        is_plain = self.ratio == 1 and self.shift_deg == 0
+        return is_plain and self.resistance == 0 and self.reactance == 0
 
     def __str__(self) -> str:
         return f"branch {self.from_bus}-{self.to_bus}:{self.circuit}"
@@ -195,7 +206,8 @@ class Case:
     that are not there as in the file, `unplaced` which of them name a unit that the network does not
     have. `doubts` are about values that the file alone shows, `file_counts` tells how many records of
     each kind the file of the network holds, `left_out` which of its units are not in the case, such as
-    those at isolated buses. None of these has a part in comparisons.
+    those at isolated buses. `flow_controls` say how the operating point would move, which is stored.
+    None of these has a part in comparisons.
     """
 
     name: str
@@ -209,6 +221,8 @@ class Case:
     frequency_hz: float = 60.0
     description: str = ""
     area_names: Mapping[int, str] = field(default_factory=dict)
+    dc_lines: tuple[DcLine, ...] = ()
+    flow_controls: tuple[FlowControl, ...] = field(default=(), compare=False, repr=False)
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)
@@ -239,13 +253,15 @@ class Case:
             parameters = sorted(device.parameters.items())
             digest.update(repr((device.model, device.key, parameters)).encode())
         digest.update(repr((self.base_mva, self.frequency_hz)).encode())
+        for line in self.dc_lines:
+            digest.update(repr(line).encode())
         return digest.hexdigest()
 
     def stored_power(self, load: Load) -> complex:
         """What a load draws at the stored voltage of its bus, in MVA."""
         return load.power(self.buses[self.bus_index[load.bus]].voltage_pu)
 
-    def locate(self, record: Record) -> str:
+    def locate(self, record: Record | DcLine) -> str:
         """Name of `record`, with the file and line it came from where that is known."""
         origin = self.origins.get(str(record))
         return f"{record} ({origin})" if origin else str(record)

@@ -99,12 +99,16 @@ class NetworkState:
         return replace(self, bus_faults=frozenset(), branch_faults=frozenset())
 
     def bus_shorts(self, case: Case) -> Iterator[tuple[int, complex]]:
-        """Bus number and impedance of all faults at buses, also those at closed ends of branches."""
+        """Bus number and impedance of all faults at buses, also those at closed ends of branches.
+
+        A fault anywhere in a branch without impedance is one at its buses.
+        """
         yield from self.bus_faults
         for point in self.branch_faults:
-            end = point.at_end
-            if end is not None and OpenEnd(point.branch, end) not in self.open_ends:
-                branch = case.branches[point.branch]
+            branch = case.branches[point.branch]
+            ends = (0, 1) if branch.joins else () if point.at_end is None else (point.at_end,)
+            closed = [end for end in ends if OpenEnd(point.branch, end) not in self.open_ends]
+            for end in closed[:1]:
                 yield (branch.to_bus if end else branch.from_bus), point.impedance
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 from gridfold.errors import CaseError
 from gridfold.grid.case import (
@@ -18,13 +19,15 @@ from gridfold.grid.case import (
     Shunt,
     number_fields,
 )
+from gridfold.grid.dc_checks import dc_faults
 from gridfold.grid.islands import island_labels
+from gridfold.grid.nodes import node_of_buses
 
 
 def validate_case(case: Case) -> list[str]:
     """Every fault found in the case data, one line each; empty if there is none."""
     faults = [*_system_faults(case), *_record_faults(case), *_duplicate_faults(case)]
-    faults += _reference_faults(case)
+    faults += [*_reference_faults(case), *dc_faults(case)]
     if not faults:
         faults += _island_faults(case)
     return faults
@@ -87,8 +90,8 @@ def _range_faults(record: Record) -> Iterator[str]:
     if isinstance(record, Branch):
         if record.from_bus == record.to_bus:
             yield "it joins a bus to itself"
-        if record.resistance == 0 and record.reactance == 0:
-            yield "its impedance is zero"
+        if record.resistance == 0 and record.reactance == 0 and not record.joins:
+            yield "its impedance is zero, and a transformer's ratio or shift needs one"
 
 
 def _duplicate_faults(case: Case) -> Iterator[str]:
@@ -127,15 +130,22 @@ def _reference_faults(case: Case) -> Iterator[str]:
 
 
 def _regulation_faults(case: Case) -> Iterator[str]:
-    regulating: dict[int, Generator] = {}
+    regulating: dict[int | str, Generator] = {}
+    known = case.bus_index
+    sound = tuple(b for b in case.branches if b.from_bus in known and b.to_bus in known)
+    nodes = node_of_buses(replace(case, branches=sound)).tolist()
+    node = {bus.number: at for bus, at in zip(case.buses, nodes, strict=True)}
     for generator in case.generators:
         if generator.control is Control.POWER or not generator.in_service:
             continue
-        first = regulating.setdefault(generator.bus, generator)
+        first = regulating.setdefault(node.get(generator.bus, str(generator)), generator)
         if first.voltage_pu != generator.voltage_pu:
+            same = (
+                "the same bus" if first.bus == generator.bus else "a bus that is joined to its own"
+            )
             yield (
                 f"{case.locate(generator)}: it holds {generator.voltage_pu} p.u. where "
-                f"{case.locate(first)} holds {first.voltage_pu} p.u. at the same bus"
+                f"{case.locate(first)} holds {first.voltage_pu} p.u. at {same}"
             )
 
 
@@ -143,10 +153,10 @@ def _island_faults(case: Case) -> Iterator[str]:
     labels = island_labels(case)
     live = [generator for generator in case.generators if generator.in_service]
     powered = {labels[case.bus_index[generator.bus]] for generator in live}
-    swings: dict[int, set[int]] = {}
+    swings: set[int] = set()
     for generator in live:
         if generator.control is Control.SLACK:
-            swings.setdefault(labels[case.bus_index[generator.bus]], set()).add(generator.bus)
+            swings.add(labels[case.bus_index[generator.bus]])
     islands: dict[int, list[int]] = {}
     for bus, label in zip(case.buses, labels.tolist(), strict=True):
         islands.setdefault(label, []).append(bus.number)
@@ -156,5 +166,3 @@ def _island_faults(case: Case) -> Iterator[str]:
             yield f"{name} has no generator in service"
         elif island not in swings:
             yield f"{name} has no slack generator"
-        elif len(swings[island]) > 1:
-            yield f"{name} has more than one slack bus: {sorted(swings[island])}"

@@ -8,11 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gridfold.grid.case import Case, Control, Record
+from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.islands import island_labels
 
 Row = Mapping[str, Any]
 
 _SINGULAR = {"branches": "branch", "generators": "generator", "loads": "load", "shunts": "shunt"}
+_NAMES = {"dc_lines": ("dc line", "dc lines")}
 
 
 @dataclass
@@ -33,6 +35,8 @@ class Draft:
     origins: dict[str, str] = field(default_factory=dict)
     unsupported: list[str] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    controls: list[FlowControl] = field(default_factory=list)
 
     def rows(self, table: str) -> Iterable[tuple[Row, str]]:
         """Rows of a table of powerio, each with its file and line if they are known."""
@@ -51,6 +55,33 @@ class Draft:
 def free_id(taken: Collection[str]) -> str:
     """The first of 1, 2, 3 ... that is not taken."""
     return next(str(n) for n in range(1, len(taken) + 2) if str(n) not in taken)
+
+
+def with_swings_behind_dc(case: Case) -> tuple[Case, list[str]]:
+    """The case with a swing unit in each island that has none and stands on a dc line, and its words.
+
+    The largest unit that holds its voltage balances what the line leaves.
+    """
+    labels = island_labels(case)
+
+    def island(bus: int) -> int:
+        return int(labels[case.bus_index[bus]])
+
+    fed = {island(bus) for line in case.dc_lines if line.in_service for bus in line.buses}
+    live = [unit for unit in case.generators if unit.in_service]
+    fed -= {island(unit.bus) for unit in live if unit.control is Control.SLACK}
+    units, texts = list(case.generators), []
+    for label in sorted(fed):
+        able = [u for u in live if island(u.bus) == label and u.control is Control.VOLTAGE]
+        if able:
+            chosen = max(able, key=lambda unit: unit.base_mva)
+            units[units.index(chosen)] = replace(chosen, control=Control.SLACK)
+            first = case.buses[labels.tolist().index(label)].number
+            texts.append(
+                f"the island of bus {first} has no swing unit and stands on a dc line: {chosen}, its "
+                "largest, balances it"
+            )
+    return replace(case, generators=tuple(units)), texts
 
 
 def islands_without_slack(case: Case) -> list[list[int]]:
@@ -90,13 +121,18 @@ def without_buses(case: Case, *groups: Sequence[int]) -> tuple[Case, list[str]]:
             else:
                 staying.append(record)
         kept[table] = tuple(staying)
+    kept["dc_lines"] = tuple(line for line in case.dc_lines if not group.keys() & set(line.buses))
+    for line in case.dc_lines:
+        if inside := [group[bus] for bus in line.buses if bus in group]:
+            gone[min(inside)]["dc_lines"] += 1
     kept["left_out"] = case.left_out | {unit.key for unit in case.generators if unit.bus in group}
     return replace(case, **kept), [_told(*each) for each in zip(groups, gone, strict=True)]
 
 
 def _told(numbers: Sequence[int], counts: Mapping[str, int]) -> str:
     """Buses that are left out, and what goes with them."""
-    gone = [f"{n} {table if n > 1 else _SINGULAR[table]}" for table, n in counts.items()]
+    names = {table: (one, table) for table, one in _SINGULAR.items()} | _NAMES
+    gone = [f"{n} {names[table][n > 1]}" for table, n in counts.items()]
     listed = ", ".join(str(number) for number in numbers)
     what = f"{'buses' if len(numbers) > 1 else 'bus'} {listed} left out"
     return f"{what}, with {', '.join(gone)}" if gone else what

@@ -8,10 +8,13 @@ from dataclasses import replace
 
 from gridfold.grid.case import Branch, Bus
 from gridfold.io.case_draft import Draft, Row, free_id
+from gridfold.io.impedance_tables import correction_factor
 
 #: Key under which a row holds the charging of a line alone, without what stands at its ends.
 LINE_CHARGING = "line_charging"
-_SWITCH_REACTANCE = 1e-4  # p.u., of a closed switching device without an own value
+#: Key under which a row says whether it is taken to have no impedance at all.
+JOINS = "joins"
+_LISTED = 8
 _LEG_REACTANCE = 1e-5  # p.u., of a star's leg whose impedance is zero
 _LEG_ROUNDING = 1e-9
 
@@ -27,25 +30,35 @@ def add_branches(draft: Draft) -> None:
         _add_branch(draft, row, circuit, place)
     for row, place in draft.rows("switches"):
         extras = row["extras"]
-        reactance = float(extras.get("psse_xpu", 0.0)) or _SWITCH_REACTANCE
+        reactance = 0.0 if row.get(JOINS) else float(extras.get("psse_xpu", 0.0))
         circuit = extras.get("psse_ckt", "1")
         device = Branch(row["from"], row["to"], circuit, reactance=reactance)
         draft.add(replace(device, in_service=row["closed"]), place)
+    _note_joining(draft)
+
+
+def _note_joining(draft: Draft) -> None:
+    joining = [branch for branch in draft.records[Branch] if branch.joins and branch.in_service]
+    if joining:
+        listed = ", ".join(str(branch).removeprefix("branch ") for branch in joining[:_LISTED])
+        more = f" and {len(joining) - _LISTED} more" if len(joining) > _LISTED else ""
+        draft.notices.append(f"without impedance, so that their buses are one node: {listed}{more}")
 
 
 def _add_branch(draft: Draft, row: Row, circuit: str, place: str) -> None:
-    branch = Branch(
-        from_bus=row["from"],
-        to_bus=row["to"],
-        circuit=circuit,
-        resistance=float(row["r"]),
-        reactance=float(row["x"]),
-        ratio=float(row["tap"]) or 1.0,
-        shift_deg=float(row["shift"]),
+    joins = row.get(JOINS) and not row["tap"]
+    ratio, shift = float(row["tap"]) or 1.0, float(row["shift"])
+    impedance = 0j if joins else complex(float(row["r"]), float(row["x"]))
+    branch = Branch(row["from"], row["to"], circuit, ratio=ratio, shift_deg=shift)
+    table, number = row["extras"].get("impedance_correction"), row["extras"].get("psse_tab")
+    impedance *= _correction(draft, f"{branch} ({place})", table, number, ratio, shift)
+    branch = replace(
+        branch,
+        resistance=impedance.real,
+        reactance=impedance.imag,
         in_service=row["in_service"],
     )
     draft.add(_with_charging(branch, row), place)
-    _note_correction(draft, branch, row["extras"].get("impedance_correction"))
 
 
 def _with_charging(branch: Branch, row: Row) -> Branch:
@@ -73,9 +86,18 @@ def with_ends(branch: Branch, at_from: complex, at_to: complex = 0j) -> Branch:
     )
 
 
-def _note_correction(draft: Draft, branch: Branch, table: Row | None) -> None:
-    if table and branch.in_service:
-        draft.unsupported.append(f"{branch}: impedance correction table {table['table']}")
+def _correction(
+    draft: Draft, where: str, table: Row | None, number: object, ratio: float, shift_deg: float
+) -> complex:
+    """Factor of the impedance of a winding by its correction table; 1 without one."""
+    if table:
+        try:
+            return correction_factor(table, ratio, shift_deg)
+        except ValueError as error:
+            draft.faults.append(f"{where}: {error}")
+    elif number:
+        draft.unsupported.append(f"{where}: impedance correction table {number} is not in the file")
+    return 1 + 0j
 
 
 def add_three_winding(draft: Draft, row: Row, place: str) -> None:
@@ -90,9 +112,11 @@ def add_three_winding(draft: Draft, row: Row, place: str) -> None:
     star = _star_bus(draft, row, name)
     draft.add(star, place)
     live = extras.get("winding_in_service", (True, True, True))
-    corrections = extras.get("impedance_correction") or (None, None, None)
     legs = _star_impedances(row["z"])
-    for winding, leg, in_service, table in zip(windings, legs, live, corrections, strict=True):
+    for winding, star_leg, in_service, factor in zip(
+        windings, legs, live, _corrections(draft, row, f"{name} ({place})"), strict=True
+    ):
+        leg = star_leg * factor
         branch = Branch(
             from_bus=winding["bus"],
             to_bus=star.number,
@@ -106,9 +130,24 @@ def add_three_winding(draft: Draft, row: Row, place: str) -> None:
         if winding is windings[0]:
             branch = with_ends(branch, complex(float(row["mag_g"]), float(row["mag_b"])))
         draft.add(branch, place)
-        _note_correction(draft, branch, table)
         if not leg:
             draft.notices.append(f"{branch}: no impedance; {_LEG_REACTANCE:g} p.u. taken")
+
+
+def _corrections(draft: Draft, row: Row, where: str) -> list[complex]:
+    """Factors of the impedances of the three windings by their correction tables."""
+    tables = row["extras"].get("impedance_correction") or (None, None, None)
+    return [
+        _correction(
+            draft,
+            where,
+            table,
+            row["extras"].get(f"psse_tab{k}"),
+            float(winding["tap"]) or 1.0,
+            float(winding["shift"]),
+        )
+        for k, (winding, table) in enumerate(zip(row["windings"], tables, strict=True), start=1)
+    ]
 
 
 def _star_impedances(pairs: Sequence[Row]) -> list[complex]:

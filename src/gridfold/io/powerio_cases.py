@@ -1,4 +1,4 @@
-"""Networks from PSS/E RAW files (revisions 31 to 35) and MATPOWER case files, read by powerio.
+"""Networks from PSS/E RAW files (revisions 29 to 35) and MATPOWER case files, read by powerio.
 
 Conventions taken over from these files:
 
@@ -11,13 +11,17 @@ Conventions taken over from these files:
   one end of a line and magnetizing admittances belong to the branch, and go out with it.
 - In a RAW file a unit is in service if its status says so and its bus is of type 2 or 3. In a MATPOWER
   file the status alone counts.
-- A leg of a star without impedance gets 1e-5 p.u., a switching device without one 1e-4 p.u.
+- A leg of a star without impedance gets 1e-5 p.u. A line or switching device of a RAW file without
+  resistance, and with no more reactance than THRSHZ of the file or 1e-4 p.u., joins its two buses.
+- Impedances of transformers follow their correction tables, at the stored ratio or shift.
+- Dc lines with two ends are taken over, but for those with capacitors (:mod:`gridfold.io.raw_dc`).
+  An island without a swing unit that such a line feeds gets its largest unit as one.
 - Isolated buses (type 4), and what is connected to them, are left out.
 - Of a MATPOWER file only what is literal counts, :mod:`gridfold.io.matpower_file`.
 - A blank field of a RAW file is what the manual of PSS/E says, :mod:`gridfold.io.raw_layouts`.
 
-Zones, owners, inter-area transfers, groups of line sections and the nodes of substations are not
-read: no result depends on them.
+Zones, owners, inter-area transfers and groups of line sections are not read: no result depends on
+them. Nor are the nodes of substations, which is told: what is switched within them is not seen.
 """
 
 from __future__ import annotations
@@ -36,13 +40,15 @@ from gridfold.errors import CaseFileError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.matpower_file import read_matpower
-from gridfold.io.powerio_branches import LINE_CHARGING
-from gridfold.io.powerio_records import BLANK_FIELDS, convert_network
+from gridfold.io.powerio_records import Extras, convert_network
+from gridfold.io.raw_beside import annotate, extras_of, skipped
 from gridfold.io.raw_codes import check_codes
+from gridfold.io.raw_dc import TWO_TERMINAL, VSC, read_dc_lines
 from gridfold.io.raw_fields import INNER_QUOTE
-from gridfold.io.raw_records import CompleteRecords, complete_records
+from gridfold.io.raw_records import complete_records
 from gridfold.io.raw_revision import check_revision, find_revision
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
+from gridfold.io.raw_settings import joining_threshold
 from gridfold.io.tables import read_foreign_text
 
 _FORMATS = {".raw": "psse", ".m": "matpower"}
@@ -54,9 +60,9 @@ _SECTIONS = {  # sections of a RAW file by powerio's table
     "branches": ("BRANCH", "TRANSFORMER"),
     "switches": ("SYSTEM SWITCHING DEVICE",),
     "transformers_3w": (THREE_WINDING,),
-    "hvdc": ("TWO-TERMINAL DC",),
+    "hvdc": (TWO_TERMINAL,),
 }
-_NOT_NEEDED = {"ZONE", "OWNER", "INTER-AREA TRANSFER", "MULTI-SECTION LINE", "SUBSTATION"}
+_NOT_NEEDED = {"ZONE", "OWNER", "INTER-AREA TRANSFER", "MULTI-SECTION LINE", "SUBSTATION", VSC}
 _COUNTED = {  # names of sections whose records are counted for people
     "BUS": "buses",
     "LOAD": "loads",
@@ -67,7 +73,8 @@ _COUNTED = {  # names of sections whose records are counted for people
     "FIXED SHUNT": "fixed shunts",
     "SWITCHED SHUNT": "switched shunts",
     "SYSTEM SWITCHING DEVICE": "switching devices",
-    "TWO-TERMINAL DC": "two-terminal dc lines",
+    TWO_TERMINAL: "two-terminal dc lines",
+    VSC: "VSC dc lines",
 }
 _HARMLESS = {  # findings of powerio: solver options, remote control, what convert_network looks at
     "READ.PSSE.FIELD_DROPPED",
@@ -86,11 +93,11 @@ def read_network(
     Parameters
     ----------
     path : str or Path
-        File with the suffix ``.raw`` (revisions 31 to 35; 31 without switched shunts) or ``.m``.
+        File with the suffix ``.raw`` (revisions 29 to 35) or ``.m``.
     allow_unsupported : bool
         Leave out what gridfold has no model for; ``Case.unsupported`` then lists it.
     raw_revision : int, optional
-        Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
+        Revision of a RAW file, 29 to 35, whatever its header says; by default that of the header or,
         where it gives none, the one that the fields of the records tell.
 
     Raises
@@ -140,34 +147,39 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
             raise CaseFileError(fault, str(path))
         records = complete_records(sections, revision)
         codes = check_codes(replace(sections, text=records.text), revision, path.name)
-        if faults := [*records.faults, *codes.faults]:
+        threshold, unset = joining_threshold(sections)
+        dc_lines = read_dc_lines(records.dc_records)
+        if faults := [*unset, *records.faults, *codes.faults, *dc_lines.faults]:
             raise CaseFileError(faults, str(path))
         data, diagnostics = _parse(records.text, "psse", path, replace(sections, text=records.text))
         places = _places(data, sections, path)
-        _annotate(data, records)
-        case = _converted(data, path, places)
+        annotate(data, records, threshold)
+        case = _converted(data, path, places, extras_of(dc_lines, records, path.name))
     except CaseFileError as error:
         raise CaseFileError([*error.faults, *sections.doubts], str(path), error.advice) from error
     return replace(
         case,
         unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
-        notices=(*sections.doubts, *notices, *records.notices, *case.notices),
+        notices=(
+            *sections.doubts,
+            *notices,
+            *records.notices,
+            *skipped(sections),
+            *case.notices,
+        ),
         doubts=tuple(codes.doubts),
         file_counts=_raw_counts(sections),
     )
 
 
-def _annotate(data: Mapping[str, Any], records: CompleteRecords) -> None:
-    """Tell of lines and generators what powerio does not."""
-    for row, charging in zip(data["branches"], records.line_charging, strict=False):
-        row[LINE_CHARGING] = charging
-    for row, blanks in zip(data["generators"], records.blanks, strict=True):
-        row[BLANK_FIELDS] = blanks
-
-
-def _converted(data: Mapping[str, Any], path: Path, places: Mapping[str, Sequence[str]]) -> Case:
+def _converted(
+    data: Mapping[str, Any],
+    path: Path,
+    places: Mapping[str, Sequence[str]],
+    extras: Extras | None = None,
+) -> Case:
     try:
-        return convert_network(data, path.stem, places)
+        return convert_network(data, path.stem, places, extras or Extras())
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         fault = f"a record has no meaning: {type(error).__name__}: {error}"
         raise CaseFileError(fault, str(path)) from error

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from gridfold.errors import CaseFileError
 from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Load, Shunt
+from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.energy_source import EnergySource
-from gridfold.io.case_draft import Draft, Row, free_id, islands_without_slack, without_buses
+from gridfold.io.case_draft import (
+    Draft,
+    Row,
+    free_id,
+    islands_without_slack,
+    with_swings_behind_dc,
+    without_buses,
+)
+from gridfold.io.flow_controls import shunt_control, unit_control
+from gridfold.io.joined_units import with_one_voltage_a_node, with_part
 from gridfold.io.powerio_branches import add_branches, add_three_winding
 
 _CONTROL = {"PQ": Control.POWER, "PV": Control.VOLTAGE, "REF": Control.SLACK}
@@ -21,8 +32,27 @@ _LEFT_OUT = {
 }
 
 
+@dataclass(frozen=True)
+class Extras:
+    """What a file holds beside the tables of powerio.
+
+    Parameters
+    ----------
+    dc_lines : tuple of (DcLine, str)
+        Dc lines with two ends, each with its file and line.
+    bus_shunts : tuple of (Mapping, str)
+        Fields of bus records with shunts, up to revision 30, each with its file and line.
+    unsupported : tuple of str
+        What gridfold has no model for.
+    """
+
+    dc_lines: tuple[tuple[DcLine, str], ...] = ()
+    bus_shunts: tuple[tuple[Mapping[str, str], str], ...] = ()
+    unsupported: tuple[str, ...] = ()
+
+
 def convert_network(
-    tables: Mapping[str, Any], name: str, places: Mapping[str, Sequence[str]]
+    tables: Mapping[str, Any], name: str, places: Mapping[str, Sequence[str]], extras: Extras
 ) -> Case:
     """Build a case.
 
@@ -34,18 +64,30 @@ def convert_network(
         Name of the case.
     places : mapping of str to sequence of str
         For each table of powerio, file and line of its rows where they are known.
+    extras : Extras
+        What is not in these tables.
+
+    Raises
+    ------
+    CaseFileError
+        A correction table is missing or has no order.
     """
     draft = Draft(tables, places)
+    draft.unsupported += extras.unsupported
     for row, place in draft.rows("buses"):
         draft.add(_bus(row), place)
     for row, place in draft.rows("loads"):
         _add_load(draft, row, place)
-    _add_shunts(draft)
+    _add_shunts(draft, extras)
     _add_generators(draft)
     add_branches(draft)
     for row, place in draft.rows("transformers_3w"):
         add_three_winding(draft, row, place)
     _note_left_out(draft)
+    if draft.faults:
+        raise CaseFileError(draft.faults, name)
+    for line, place in extras.dc_lines:
+        draft.origins.setdefault(str(line), place)
     case = Case(
         name,
         buses=tuple(draft.records[Bus]),
@@ -57,6 +99,8 @@ def convert_network(
         frequency_hz=float(tables["base_frequency"]),
         description=str(tables["name"]),
         area_names={row["number"]: row["name"] for row in tables["areas"] if row.get("name")},
+        dc_lines=tuple(line for line, _ in extras.dc_lines),
+        flow_controls=tuple(draft.controls),
         origins=draft.origins,
     )
     kinds = {row["id"]: row["kind"] for row in tables["buses"]}
@@ -64,8 +108,12 @@ def convert_network(
     if isolated:
         case, (text,) = without_buses(case, isolated)
         draft.notices.append(f"isolated {text}")
+    case, texts = with_swings_behind_dc(case)
+    draft.notices += texts
     case, texts = without_buses(case, *islands_without_slack(case))
     draft.unsupported += [f"an island without a slack unit: {text}" for text in texts]
+    case, texts = with_one_voltage_a_node(case)
+    draft.notices += texts
     return replace(case, unsupported=tuple(draft.unsupported), notices=tuple(draft.notices))
 
 
@@ -108,9 +156,16 @@ def _add_load(draft: Draft, row: Row, place: str) -> None:
         draft.unsupported.append(f"{load}: distributed generation within the load")
 
 
-def _add_shunts(draft: Draft) -> None:
-    """Fixed shunts by their ids, then switched ones by ``S`` and theirs, ``SS`` if that is taken."""
+def _add_shunts(draft: Draft, extras: Extras) -> None:
+    """Shunts of bus records, fixed ones by their ids, switched ones by ``S`` and theirs.
+
+    An id that is taken gets another ``S``.
+    """
     taken: set[tuple[int, str]] = set()
+    for fields, place in extras.bus_shunts:
+        bus, conductance, susceptance = int(fields["I"]), float(fields["GL"]), float(fields["BL"])
+        taken.add((bus, "1"))
+        draft.add(Shunt(bus, "1", conductance, susceptance), place)
     for row, place in draft.rows("shunts"):
         identifier = row["extras"].get("id", "1")
         if row.get("control"):
@@ -126,6 +181,8 @@ def _add_shunts(draft: Draft) -> None:
             in_service=row["in_service"],
         )
         draft.add(shunt, place)
+        if row.get("control"):
+            draft.controls.append(shunt_control(row, identifier))
 
 
 def _add_generators(draft: Draft) -> None:
@@ -158,6 +215,7 @@ def _add_generators(draft: Draft) -> None:
         )
         if row["in_service"] and not unit.in_service:
             draft.notices.append(_load_bus_notice(unit, place))
+        draft.controls.append(unit_control(row, unit.bus, unit.id, own))
         taken[unit.bus].add(unit.id)
         units.append((unit, place))
         at_bus[unit.bus].append(unit)
@@ -168,7 +226,7 @@ def _add_generators(draft: Draft) -> None:
             draft.unsupported.append(f"{unit}: step-up transformer within the generator")
     draft.notices += _blank_notices(defaulted)
     for unit, place in units:
-        draft.add(_with_part(unit, at_bus[unit.bus]), place)
+        draft.add(with_part(unit, at_bus[unit.bus]), place)
 
 
 def _at_load_bus(draft: Draft, bus: Row) -> bool:
@@ -193,25 +251,12 @@ def _blank_notices(defaulted: Mapping[str, Sequence[Generator]]) -> Iterator[str
             yield f"no {name} given, {value:g} {of_what} taken: {listed}"
 
 
-def _with_part(unit: Generator, at_bus: Sequence[Generator]) -> Generator:
-    """The unit with its part of the bus's power, so that the stored powers are met."""
-    live = [other for other in at_bus if other.in_service]
-    if len(live) < 2 or unit not in live or unit.control is Control.POWER:
-        return unit
-    powers = [other.reactive_mvar for other in live]
-    alike = all(power > 0 for power in powers) or all(power < 0 for power in powers)
-    share = abs(unit.reactive_mvar) if alike else unit.base_mva
-    largest = max(live, key=lambda other: other.base_mva)
-    control = unit.control if unit is largest else Control.VOLTAGE
-    return replace(unit, share=share, control=control)
-
-
 def _note_left_out(draft: Draft) -> None:
-    for row, place in draft.rows("hvdc"):
-        if row["in_service"]:
-            name = row["extras"].get("psse_dc_name") or f"{row['from']}-{row['to']}"
-            where = f" ({place})" if place else ""
-            draft.unsupported.append(f'two-terminal dc line "{name}": 1 record{where}')
+    if draft.tables["source_format"] != "psse":  # those of RAW files are among the extras
+        for row, place in draft.rows("hvdc"):
+            if row["in_service"]:
+                name, where = f"{row['from']}-{row['to']}", f" ({place})" if place else ""
+                draft.unsupported.append(f'two-terminal dc line "{name}": 1 record{where}')
     for table, name in _LEFT_OUT.items():
         live = [row["bus"] for row, _ in draft.rows(table) if row.get("in_service", True)]
         draft.unsupported += [f"{name} at bus {bus}: 1 record" for bus in live]

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 
+from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcRecord
 from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
-from gridfold.io.raw_layouts import Base, Column, Layout, layouts
+from gridfold.io.raw_layouts import WRITTEN_SINCE, Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
 from gridfold.io.raw_windings import refer_to_buses
 
@@ -28,6 +30,8 @@ _WHAT = {
     THREE_WINDING: "a transformer with three windings",
     "AREA": "an area",
     "SWITCHED SHUNT": "a switched shunt",
+    TWO_TERMINAL: "a two-terminal dc line",
+    VSC: "a VSC dc line",
 }
 _IN_KILOVOLTS = "2"  # CW
 #: Records of branches, in which a minus before a bus number says where power is metered.
@@ -52,6 +56,12 @@ class CompleteRecords:
         Field B of each line, in per unit; nan where it is no number.
     blanks : list of frozenset of str
         Fields of each generator that were blank.
+    regulated, held_by_shunts : list of str
+        Field IREG of each generator, and SWREM of each switched shunt.
+    bus_shunts : list of (int, Mapping)
+        Line and fields of each bus record that holds a shunt, up to revision 30.
+    dc_records : list of DcRecord
+        Records of dc lines with two ends.
     """
 
     text: str = ""
@@ -59,6 +69,10 @@ class CompleteRecords:
     notices: list[str] = field(default_factory=list)
     line_charging: list[float] = field(default_factory=list)
     blanks: list[frozenset[str]] = field(default_factory=list)
+    regulated: list[str] = field(default_factory=list)
+    held_by_shunts: list[str] = field(default_factory=list)
+    bus_shunts: list[tuple[int, Mapping[str, str]]] = field(default_factory=list)
+    dc_records: list[DcRecord] = field(default_factory=list)
 
 
 def complete_records(sections: RawSections, revision: int) -> CompleteRecords:
@@ -69,7 +83,8 @@ def complete_records(sections: RawSections, revision: int) -> CompleteRecords:
 class _Writer:
     def __init__(self, sections: RawSections, revision: int):
         self.sections, self.layouts = sections, layouts(revision)
-        self.revision = revision
+        self.revision = max(revision, WRITTEN_SINCE)
+        self.written = layouts(self.revision)
         self.lines = sections.text.split("\n")
         self.done = CompleteRecords()
         self.kilovolts: dict[str, str] = {}
@@ -77,9 +92,6 @@ class _Writer:
 
     def complete(self) -> CompleteRecords:
         self._header()
-        if self.revision == 31 and (shunts := self.sections.of("SWITCHED SHUNT")):
-            fault = "switched shunts are read since revision 32; PSS/E can save the file as that"
-            self.done.faults.append(f"line {shunts[0]}: {fault}")
         for section in ("BUS", *(name for name in self.sections.records if name != "BUS")):
             for record in self.sections.records.get(section, ()):
                 if section in self.layouts:
@@ -96,7 +108,7 @@ class _Writer:
         fields = self._split(self.sections.header) or []
         texts = [plain_number(item.text.strip()) for item in fields] + [""] * len(_HEADER)
         given = dict(zip(_HEADER, texts, strict=False))
-        given["REV"] = str(max(self.revision, 32))  # but for switched shunts 31 is like 32
+        given["REV"] = str(self.revision)
         for name, unit in _UNITS.items():
             if not given[name]:
                 self.done.notices.append(
@@ -134,10 +146,12 @@ class _Writer:
                 written[0][end] = written[0][end].removeprefix("-")
         if section in ("TRANSFORMER", THREE_WINDING):
             refer_to_buses(written, self.kilovolts)
-        for number, completed, rest in zip(record, written, rests, strict=False):
-            self.lines[number - 1] = ",".join([*completed.values(), *rest])
-        values = {name: text for completed in written for name, text in completed.items()}
-        self._remember(section, values, blanks)
+        self._remember(section, record, written, blanks)
+        for number, completed, rest, layout in zip(
+            record, written, rests, self.written[section], strict=False
+        ):
+            known = [completed.get(column.name, column.default) for column in layout]
+            self.lines[number - 1] = ",".join([*map(str, known), *rest])
 
     def _ratio(self, first: Sequence[Field], line: int) -> str:
         """Ratio of a winding by default; those of a transformer begin in its third line."""
@@ -147,13 +161,35 @@ class _Writer:
             self.kilovolts.get(first[winding].text, "1") if in_kilovolts and winding >= 0 else "1"
         )
 
-    def _remember(self, section: str, values: Mapping[str, str], blanks: set[str]) -> None:
-        if section == "BUS" and "BASKV" not in blanks:
-            self.kilovolts[values["I"]] = values["BASKV"]
+    def _remember(
+        self,
+        section: str,
+        record: Sequence[int],
+        written: Sequence[Mapping[str, str]],
+        blanks: set[str],
+    ) -> None:
+        values = written[0]
+        if section == "BUS":
+            if "BASKV" not in blanks:
+                self.kilovolts[values["I"]] = values["BASKV"]
+            self._bus_shunt(record[0], values)
+        elif section in (TWO_TERMINAL, VSC):
+            self.done.dc_records.append(DcRecord(section, tuple(record), tuple(written)))
         elif section == "BRANCH":
             self.done.line_charging.append(_float(values["B"]))
         elif section == "GENERATOR":
             self.done.blanks.append(frozenset(blanks))
+            self.done.regulated.append(values["IREG"])
+        elif section == "SWITCHED SHUNT":
+            self.done.held_by_shunts.append(values["SWREM"])
+
+    def _bus_shunt(self, number: int, values: Mapping[str, str]) -> None:
+        given = {name: values.get(name, "0") for name in ("GL", "BL")}
+        for name, text in given.items():
+            if not isfinite(_float(text)):
+                self.done.faults.append(f"line {number}: {name} of a bus is no number: {text}")
+        if any(_float(text) for text in given.values()):
+            self.done.bus_shunts.append((number, values))
 
     def _unknown(self, record: Sequence[int]) -> None:
         for number in record:

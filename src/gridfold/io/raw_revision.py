@@ -1,22 +1,25 @@
 """The revision of a PSS/E RAW file: by its header, or by the fields of its records.
 
 Up to revision 30 bus records held shunts (``GL, BL``), since 31 they do not, so that all that
-follows stands elsewhere. Since 34 the records of branches have a name, since 35 those of generators
-and switched shunts have a node.
+follows stands elsewhere; headers of that time give no revision, but many writers name one in a
+comment. Up to 23 loads stood there too, and the name after all numbers. Since 34 the records of
+branches have a name, since 35 those of generators and switched shunts have a node.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from enum import Enum
 
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.io.raw_fields import Field, as_number, is_integer
+from gridfold.io.raw_layouts import OLD_UNTIL
 from gridfold.io.raw_sections import RawSections, fields_of
 
-REVISIONS = range(31, 36)
-READABLE = "gridfold reads revisions 31 to 35, and PSS/E can save a file as one of these"
-_ADVICE = "--raw-revision 33 (raw_revision=33), or another one from 31 to 35, says how to read it"
+REVISIONS = range(29, 36)
+READABLE = "gridfold reads revisions 29 to 35, and PSS/E can save a file as one of these"
+_ADVICE = "--raw-revision 33 (raw_revision=33), or another one from 29 to 35, says how to read it"
 _REVISION = 2  # place in the header
 _VOLTAGES = (0.3, 2.5)  # p.u., of a bus
 
@@ -24,25 +27,33 @@ _VOLTAGES = (0.3, 2.5)  # p.u., of a bus
 class Family(Enum):
     """Revisions whose records have the same fields as far as gridfold looks at them."""
 
+    OLDEST = "revision 23 or older"
     OLD = "revision 30 or older"
     WITHOUT_NAMES = "revisions 31 to 33"
     WITH_NAMES = "revision 34"
     WITH_NODES = "revision 35"
 
 
-_TAKEN = {Family.WITHOUT_NAMES: 33, Family.WITH_NAMES: 34, Family.WITH_NODES: 35}
+_TAKEN = {Family.OLD: 30, Family.WITHOUT_NAMES: 33, Family.WITH_NAMES: 34, Family.WITH_NODES: 35}
 
 
 def check_revision(revision: int | None) -> None:
     """Raise :class:`~gridfold.errors.OptionError` for a revision that cannot be asked for."""
     if revision is not None and revision not in REVISIONS:
-        raise OptionError(f"raw_revision must be one of 31 to 35, not {revision!r}")
+        raise OptionError(f"raw_revision must be one of 29 to 35, not {revision!r}")
 
 
 def _stated_revision(sections: RawSections) -> str:
     """The revision that the header gives, as it stands there; empty if it gives none."""
     fields = fields_of(sections.text.split("\n")[max(sections.header - 1, 0)])
     return fields[_REVISION].text.strip() if len(fields) > _REVISION else ""
+
+
+def _commented_revision(sections: RawSections) -> str:
+    """The revision in a comment of the header, as in ``/ PSS/E-30.3 RAW created ...``."""
+    line = sections.text.split("\n")[max(sections.header - 1, 0)]
+    named = re.search(r"/.*PSS\S{0,12}E-(\d{2})", line)
+    return named[1] if named else ""
 
 
 def find_revision(
@@ -66,11 +77,14 @@ def find_revision(
         ]
     line = f"line {sections.header}: the header"
     if not stated:
-        if found is Family.OLD:
-            fault = (
-                f"{line} gives no revision, and the bus records have the fields of {found.value}"
-            )
-            raise CaseFileError(f"{fault}; {READABLE}", where)
+        commented = _commented_revision(sections)
+        too_old = commented and found is Family.OLD and int(commented) not in REVISIONS
+        if found is Family.OLDEST or too_old:
+            named = f", its comment names {commented}" if commented else ""
+            fields = f"the bus records have the fields of {found.value if found else ''}"
+            raise CaseFileError(f"{line} gives no revision{named}, and {fields}; {READABLE}", where)
+        if found is Family.OLD and commented and int(commented) <= OLD_UNTIL:
+            return int(commented), []
         if found is None:
             fault = f"{line} gives no revision, and the records have no fields that would tell"
             raise CaseFileError(fault, where, [_ADVICE])
@@ -93,16 +107,16 @@ def find_revision(
 
 def _suits(revision: int, found: Family) -> bool:
     """Whether records of this revision can have such fields; 34 and 35 are hard to tell apart."""
-    if found is Family.OLD:
-        return False
+    if found in (Family.OLDEST, Family.OLD) or revision <= OLD_UNTIL:
+        return found is Family.OLD and revision <= OLD_UNTIL
     return (revision >= 34) == (found is not Family.WITHOUT_NAMES)
 
 
 def _family(sections: RawSections) -> Family | None:
     """What the fields of the records tell; None where that is nothing, or no one thing."""
     votes = {_bus_vote(fields) for fields in _records(sections, "BUS")} - {None}
-    if votes != {False}:
-        return Family.OLD if votes == {True} else None
+    if votes != {Family.WITHOUT_NAMES}:
+        return votes.pop() if len(votes) == 1 else None
     if not _branches_have_names(sections):
         return Family.WITHOUT_NAMES
     return _with_nodes(sections)
@@ -113,11 +127,11 @@ def _records(sections: RawSections, name: str) -> Iterator[list[Field]]:
     return (fields_of(lines[number - 1]) for number in sections.of(name))
 
 
-def _bus_vote(fields: Sequence[Field]) -> bool | None:
-    """Whether a bus has the fields of revision 30 or older; None if it has those of both."""
+def _bus_vote(fields: Sequence[Field]) -> Family | None:
+    """Of which revisions the fields of a bus are; None if they may be of several."""
     text = [field.text.strip() for field in fields] + [""] * 13
     if as_number(text[1]) is not None and text[9] and as_number(text[9]) is None:
-        return True  # before revision 24 the name came tenth
+        return Family.OLDEST  # before revision 24 the name came tenth
     old = (
         _numbers(text[4:6])
         and _codes(text[6:8])
@@ -125,7 +139,9 @@ def _bus_vote(fields: Sequence[Field]) -> bool | None:
         and (not text[10] or is_integer(text[10]))
     )
     new = _codes(text[4:7]) and _voltage(text[7])
-    return old if old != new else None
+    if old == new:
+        return None
+    return Family.OLD if old else Family.WITHOUT_NAMES
 
 
 def _numbers(texts: Sequence[str]) -> bool:

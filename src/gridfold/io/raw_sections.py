@@ -37,6 +37,24 @@ _ORDER = (
     "INDUCTION MACHINE",
     "SUBSTATION",
 )
+_OLD_ORDER = (  # up to revision 30; shunts stand in the records of buses
+    "BUS",
+    "LOAD",
+    "GENERATOR",
+    "BRANCH",
+    "TRANSFORMER",
+    "AREA",
+    "TWO-TERMINAL DC",
+    "VSC DC LINE",
+    "SWITCHED SHUNT",
+    "IMPEDANCE CORRECTION",
+    "MULTI-TERMINAL DC",
+    "MULTI-SECTION LINE",
+    "ZONE",
+    "INTER-AREA TRANSFER",
+    "OWNER",
+    "FACTS DEVICE",
+)
 _ALIASES = {
     "NON-TRANSFORMER BRANCH": "BRANCH",
     "FIXED BUS SHUNT": "FIXED SHUNT",
@@ -47,10 +65,12 @@ _ALIASES = {
     "FACTS CONTROL DEVICE": "FACTS DEVICE",
 }
 THREE_WINDING = "THREE-WINDING TRANSFORMER"
-_SYSTEM_WIDE = "SYSTEM-WIDE"
-_NEEDED = {_SYSTEM_WIDE, *_ORDER[: _ORDER.index("AREA")]}  # a file without Q must reach beyond
+SYSTEM_WIDE = "SYSTEM-WIDE"
+_NEEDED = {SYSTEM_WIDE, *_ORDER[: _ORDER.index("AREA")]}  # a file without Q must reach beyond
 _TITLE_LINES = 2
 _SWITCHING_DEVICES_SINCE = 34
+_OLD_ORDER_UNTIL = 30
+_THREE_LINES = ("TWO-TERMINAL DC", "VSC DC LINE")
 
 
 @dataclass(frozen=True)
@@ -112,7 +132,7 @@ def find_sections(text: str, revision: int = 0) -> RawSections:
     named: set[str] = set()
     ended = False
     first = _after_titles(lines, header)
-    section, position = _SYSTEM_WIDE, first
+    section, position = SYSTEM_WIDE, first
     while position < len(lines) and lines[position].strip().upper() != "Q":
         line = lines[position]
         if _is_marker(line):
@@ -124,7 +144,7 @@ def find_sections(text: str, revision: int = 0) -> RawSections:
             section = following or section
             ended = section not in _NEEDED
         elif not _is_blank(line):
-            if section == _SYSTEM_WIDE and re.match(r"\s*[\d,]", line):
+            if section == SYSTEM_WIDE and re.match(r"\s*[\d,]", line):
                 section = "BUS"
             name, length = _record(line, section)
             record = _lines_of_record(lines, position, length)
@@ -210,9 +230,10 @@ def _section_after(marker: str, section: str, revision: int) -> str:
         return introduced
     ended = _between(marker, "END OF")
     name = _canonical(ended) if ended else section
-    if name == _SYSTEM_WIDE:
+    if name == SYSTEM_WIDE:
         return "BUS"
-    rest = _ORDER[_ORDER.index(name) + 1 :] if name in _ORDER else ()
+    order = _OLD_ORDER if 0 < revision <= _OLD_ORDER_UNTIL else _ORDER
+    rest = order[order.index(name) + 1 :] if name in order else ()
     if revision < _SWITCHING_DEVICES_SINCE:
         rest = tuple(item for item in rest if item != "SYSTEM SWITCHING DEVICE")
     return rest[0] if rest else ""
@@ -227,7 +248,7 @@ def _canonical(name: str) -> str:
 
 def _record(line: str, section: str) -> tuple[str, int]:
     """Section under which a record is counted, and its number of lines."""
-    if section == "TWO-TERMINAL DC":
+    if section in _THREE_LINES:
         return section, 3
     if section != "TRANSFORMER":
         return section, 1

@@ -106,13 +106,15 @@ def external_network(parts: Partition, loads: Sequence[int] = ()) -> ExternalNet
     """
     model, case = parts.model, parts.model.case
     equations = model.equations
-    row = {int(bus): k for k, bus in enumerate(equations.live)}
-    outside = [
-        row[k]
-        for k, bus in enumerate(case.buses)
-        if bus.number not in parts.study_buses and k in row
-    ]
+    row = {k: at for k, at in enumerate(equations.bus_rows.tolist()) if at >= 0}
+    outside_buses = [k for k, b in enumerate(case.buses) if b.number not in parts.study_buses]
+    outside = list(dict.fromkeys(row[k] for k in outside_buses if k in row))
     boundary = [row[case.bus_index[bus]] for bus in parts.boundary_buses]
+    if len(set(boundary)) < len(boundary) or set(boundary) & set(outside):
+        raise OptionError(
+            "a branch without impedance joins boundary buses of the study area to each other or to the "
+            "external area: give it an impedance, or put both of its buses well into one area"
+        )
     matrix = equations.matrix.tocsr()
     factors = splu(matrix[outside][:, outside].tocsc())
     place = {bus: position for position, bus in enumerate(outside)}

@@ -11,7 +11,7 @@ beside an admittance that belongs to the network. What happens in the rest chang
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -157,8 +157,12 @@ def linearize_ports(
         index = np.setdiff1d(index, movers.state_index)
         grid = replace(grid, a11=grid.a11 - _direct(movers, model.n_states))
     idle = np.isin(index, area_states(model, model.state.units_out))
-    at = _both(model, [_port_row(row, bus) for bus in ports.buses])
-    inside = _both(model, [row[bus] for bus in sorted(ports.inside) if bus in row])
+    port_rows = [_port_row(row, bus) for bus in ports.buses]
+    if len(set(port_rows)) < len(port_rows):
+        raise OptionError(_joined_ports(ports.buses, port_rows))
+    behind = dict.fromkeys(row[bus] for bus in sorted(ports.inside) if bus in row)
+    at = _both(model, port_rows)
+    inside = _both(model, [k for k in behind if k not in port_rows])
     voltage = model.bus_voltages(x[None, :])[0][[model.case.bus_index[b] for b in ports.buses]]
     inner = _inner_system(grid, ports, voltage, (index, at, inside), idle)
     passed_on = inner.algebraic_transposed(grid.a22[at][:, inside].toarray().T).T
@@ -235,16 +239,24 @@ def area_states(model: DetailedModel, units: Collection[UnitKey]) -> NDArray[np.
 
 
 def _rows(model: DetailedModel) -> dict[int, int]:
-    """Row of each live bus, by number, in the network equations."""
-    numbers = [bus.number for bus in model.case.buses]
-    live = model.equations.live
-    return {numbers[bus]: row for row, bus in enumerate(live.tolist())}
+    """Row of each live bus, by number, in the network equations; joined buses share one."""
+    rows = model.equations.bus_rows.tolist()
+    return {bus.number: row for bus, row in zip(model.case.buses, rows, strict=True) if row >= 0}
 
 
 def _port_row(row: dict[int, int], bus: int) -> int:
     if bus not in row:
         raise _no_port(bus)
     return row[bus]
+
+
+def _joined_ports(buses: Sequence[int], rows: Sequence[int]) -> str:
+    first = next(k for k, row in enumerate(rows) if row in rows[:k])
+    other = buses[rows.index(rows[first])]
+    return (
+        f"buses {other} and {buses[first]} are ports of one area, and a branch without impedance makes "
+        "one node of them: give the branch an impedance, or put both buses on one side"
+    )
 
 
 def _no_port(bus: int) -> OptionError:

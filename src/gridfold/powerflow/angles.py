@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from gridfold.grid.case import Case
+from gridfold.grid.nodes import node_of_buses
 
 
 @dataclass(frozen=True)
@@ -73,12 +74,13 @@ class ShiftedBranches:
 
 
 def shifted_branches(case: Case) -> ShiftedBranches:
-    """The branches in service of a case, by positions of its buses."""
-    live = [b for b in case.branches if b.in_service and b.from_bus != b.to_bus]
-    index = case.bus_index
+    """The branches in service between two nodes of a case, by positions of the nodes' first buses."""
+    nodes = node_of_buses(case).tolist()
+    node = {bus.number: at for bus, at in zip(case.buses, nodes, strict=True)}
+    live = [b for b in case.branches if b.in_service and node[b.from_bus] != node[b.to_bus]]
     return ShiftedBranches(
-        np.array([index[b.from_bus] for b in live], dtype=np.int64),
-        np.array([index[b.to_bus] for b in live], dtype=np.int64),
+        np.array([node[b.from_bus] for b in live], dtype=np.int64),
+        np.array([node[b.to_bus] for b in live], dtype=np.int64),
         np.abs(np.array([complex(b.resistance, b.reactance) for b in live], dtype=complex)),
         np.deg2rad(np.array([b.shift_deg for b in live], dtype=float)),
     )

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.grid.case import Case, Control
+from gridfold.powerflow.dc_flow import DcFlow
+from gridfold.powerflow.injections import dc_power
 
 _FAR_MW = 1000.0
 
@@ -30,6 +32,8 @@ class PowerFlowResult:
         Newton iterations.
     mismatch : float
         Largest remaining power mismatch in per unit.
+    dc_flows : tuple of DcFlow
+        Operating points of the dc lines.
     """
 
     case: Case
@@ -38,21 +42,27 @@ class PowerFlowResult:
     load_power: NDArray[np.complex128]
     iterations: int
     mismatch: float
+    dc_flows: tuple[DcFlow, ...] = ()
+
+    @property
+    def converter_power(self) -> NDArray[np.complex128]:
+        """Power that dc lines draw at each bus in per unit on the system base, shape (n_buses,)."""
+        return dc_power(self.case, self.dc_flows)
 
     @property
     def losses_mw(self) -> float:
-        """Active power lost in branches and shunts, in MW."""
-        total = self.unit_power.sum() - self.load_power.sum()
+        """Active power lost in branches and shunts, in MW; that of dc lines is not among it."""
+        total = self.unit_power.sum() - self.load_power.sum() - self.converter_power.sum()
         return float(total.real) * self.case.base_mva
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Units that balance far from their stored power: the stored state is then no solution.
+        """Units that balance far from their stored power, and the operating points of dc lines.
 
-        Far is more than 1000 MW, or, where a power is stored at all, both more than the MVA base of
-        the unit and more than a tenth of all load.
+        The stored state is then no solution. Far is more than 1000 MW, or, where a power is stored at
+        all, both more than the MVA base of the unit and more than a tenth of all load.
         """
-        lines = []
+        lines = [flow.text for flow in self.dc_flows if flow.line.in_service]
         tenth = 0.1 * abs(float(self.load_power.real.sum())) * self.case.base_mva
         for unit, power in zip(self.case.generators, self.unit_power, strict=True):
             if not unit.in_service or unit.control is not Control.SLACK:

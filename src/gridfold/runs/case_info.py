@@ -23,7 +23,7 @@ from gridfold.io.powerio_cases import read_network
 from gridfold.io.unit_sources import read_unit_sources, with_sources
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import Basis, basis_of, basis_of_case
-from gridfold.runs.loading import with_devices
+from gridfold.runs.loading import Solve, solved_as, with_devices
 from gridfold.runs.unstable_start import with_start_checked
 
 
@@ -86,6 +86,7 @@ def examine_files(
     without_data: WithoutData = WithoutData.ERROR,
     raw_revision: int | None = None,
     unit_sources: str | Path | None = None,
+    solve: Solve = Solve.STORED,
 ) -> CaseInfo:
     """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
 
@@ -97,6 +98,10 @@ def examine_files(
     case = read_network(network, allow_unsupported=True, raw_revision=raw_revision)
     if unit_sources is not None:
         case = with_sources(case, read_unit_sources(unit_sources, case))
+    try:
+        case = solved_as(case, solve)
+    except PowerFlowError as error:
+        return CaseInfo(case, basis_of_case(case, loads, _doubts(case, None)), trouble=str(error))
     if dyr is None:
         flow, trouble = _flow(case)
         basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)

@@ -16,6 +16,8 @@ from gridfold.io.case_folder import read_case
 from gridfold.io.dyr import read_dyr
 from gridfold.io.powerio_cases import read_network
 from gridfold.io.unit_sources import read_unit_sources, with_sources
+from gridfold.powerflow.limits import with_limits
+from gridfold.runs.dc_models import dc_replacements
 from gridfold.runs.strict import refuse_doubtful_case
 
 Choice = TypeVar("Choice", bound=Enum)
@@ -23,6 +25,13 @@ Choice = TypeVar("Choice", bound=Enum)
 #: Suffixes of networks that other programs have written.
 NETWORK_SUFFIXES = (".raw", ".m")
 _DYNAMICS_SUFFIX = ".dyr"
+
+
+class Solve(Enum):
+    """Which operating point is solved: the stored one, or that of set points, limits and shunts."""
+
+    STORED = "stored"
+    LIMITS = "limits"
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,7 @@ def load_case(
     unit_sources: str | Path | None = None,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
+    solve: Solve | str = Solve.STORED,
     strict: bool = False,
 ) -> Case:
     """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
@@ -61,7 +71,7 @@ def load_case(
     ----------
     source : str or Path
         ``"npcc"``, ``"npcc-pst"``, a folder with ``case.toml`` and CSV tables, a RAW file of PSS/E
-        (``.raw``, revisions 31 to 35), a MATPOWER case (``.m``, a network without devices) or a
+        (``.raw``, revisions 29 to 35), a MATPOWER case (``.m``, a network without devices) or a
         MATLAB file of RAPID (``.mat``, :mod:`gridfold.io.rapid_mat`).
     dyr : str or Path, optional
         Dynamic data of PSS/E (``.dyr``) for the network; without them it has no devices.
@@ -74,8 +84,12 @@ def load_case(
     allow_unsupported_network : bool
         Leave out what gridfold has no model for in the network.
     raw_revision : int, optional
-        Revision of a RAW file, 31 to 35, whatever its header says; by default that of the header or,
+        Revision of a RAW file, 29 to 35, whatever its header says; by default that of the header or,
         where it gives none, the one that the fields of the records tell.
+    solve : {"stored", "limits"}
+        Keep the stored operating point, in which units hold the stored voltage of their bus; or find
+        that of the file's set points, reactive limits and switched shunts
+        (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
 
@@ -85,14 +99,18 @@ def load_case(
         A file is missing or cannot be read, or its data are wrong or not supported; with `strict` also
         where they are hardly meant. Lists every fault.
     OptionError
-        An option has an unknown value, or the files do not go together.
+        An option has an unknown value, or the files do not go together, or the case has no set points
+        and limits to solve with.
+    PowerFlowError
+        There is no operating point within limits, or none was found.
     """
+    wanted = _choice("solve", Solve, solve)
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
         if unit_sources is not None:
             raise OptionError(f"unit_sources is for PSS/E's dynamic data, not for {source}")
-        case = read_case(source)
+        case = solved_as(read_case(source), wanted)
     else:
         case = load_psse(
             source,
@@ -102,10 +120,16 @@ def load_case(
             unit_sources=unit_sources,
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
+            solve=wanted,
         ).case
     if strict:
         refuse_doubtful_case(case)
     return case
+
+
+def solved_as(case: Case, solve: Solve) -> Case:
+    """The case at the operating point that is wanted; raises as :func:`load_case`."""
+    return with_limits(case) if solve is Solve.LIMITS else case
 
 
 def is_network_file(source: str | Path, dyr: str | Path | None = None) -> bool:
@@ -129,6 +153,7 @@ def load_psse(
     unit_sources: str | Path | None = None,
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
+    solve: Solve | str = Solve.STORED,
 ) -> LoadedCase:
     """Load a case from a RAW file (or a MATPOWER file) and a DYR file.
 
@@ -138,7 +163,7 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported, without_data, unit_sources, allow_unsupported_network, raw_revision
+    unsupported, without_data, unit_sources, allow_unsupported_network, raw_revision, solve
         As in :func:`gridfold.load_case`.
 
     Raises
@@ -147,12 +172,15 @@ def load_psse(
         A file cannot be read, or its data are wrong or not supported; lists every fault.
     OptionError
         An option has an unknown value.
+    PowerFlowError
+        As in :func:`gridfold.load_case`.
     """
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
     case = read_network(raw, allow_unsupported_network, raw_revision)
     if unit_sources is not None:
         case = with_sources(case, read_unit_sources(unit_sources, case))
+    case = solved_as(case, _choice("solve", Solve, solve))
     if dyr is not None:
         case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
     return LoadedCase(case, case.replacements, case.notices)
@@ -171,7 +199,7 @@ def with_devices(
         devices=found.records,
         origins={**case.origins, **found.origins},
         notices=(*case.notices, *found.skipped),
-        replacements=found.replaced,
+        replacements=(*found.replaced, *dc_replacements(case, data.skipped)),
         unplaced=found.unplaced,
     )
 

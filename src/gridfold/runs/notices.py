@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network.dc_ends import dead_lines
 from gridfold.grid.islands import Islands
 from gridfold.grid.timeline import Stage
 
@@ -31,7 +32,11 @@ def stage_notices(stages: Sequence[Stage], models: Sequence[DetailedModel]) -> t
     for stage, model in zip(stages, models, strict=False):
         if stage.label != "start":
             notices.append(Notice(stage.start, stage.label))
-        texts = (*_idle_texts(stage, before, model), *_island_texts(before, model))
+        texts = (
+            *_idle_texts(stage, before, model),
+            *_island_texts(before, model),
+            *_dc_texts(before, model),
+        )
         notices += [Notice(stage.start, text) for text in texts]
         before = model
     return tuple(notices)
@@ -88,6 +93,19 @@ def _island_texts(before: DetailedModel | None, model: DetailedModel) -> Iterato
     back = sorted(dead_before - dead_now)
     if back:
         yield f"{_name(back)} energized again"
+
+
+def _dc_texts(before: DetailedModel | None, model: DetailedModel) -> Iterator[str]:
+    """Dc lines that stop, or carry power again, as an end is de-energized or energized."""
+    was, now = (
+        set() if one is None else set(dead_lines(one.power_flow, one.equations.islands))
+        for one in (before, model)
+    )
+    for line in model.case.dc_lines:
+        if line in now - was:
+            yield f"{line} carries nothing: an end is de-energized"
+        elif line in was - now:
+            yield f"{line} carries its power again"
 
 
 def _same(before: Islands, now: Islands) -> bool:

@@ -192,6 +192,7 @@ def load_grid(study: Study, folder: Path) -> Case:
         unit_sources=None if wanted.unit_sources is None else folder / wanted.unit_sources,
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
+        solve=wanted.solve,
     )
 
 

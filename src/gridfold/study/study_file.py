@@ -30,6 +30,7 @@ from gridfold.errors import CaseFileError, OptionError, OutputError
 from gridfold.grid.number_ranges import parse_ranges
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
+from gridfold.runs.loading import Solve
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
 from gridfold.runs.synchronism import SynchronismCriterion
 
@@ -81,9 +82,13 @@ class CaseSection(_Section):
     )
     raw_revision: int | None = Field(
         default=None,
-        ge=31,
+        ge=29,
         le=35,
-        description="Revision of a .raw file, 31 to 35, whatever its header says.",
+        description="Revision of a .raw file, 29 to 35, whatever its header says.",
+    )
+    solve: Solve = Field(
+        default=Solve.STORED,
+        description="The operating point: as stored, or by set points, reactive limits and shunts.",
     )
     strict: bool = Field(
         default=False,

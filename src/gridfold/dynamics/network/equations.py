@@ -23,6 +23,7 @@ from gridfold.grid.branch_port import state_port
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.islands import Islands, find_islands
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.nodes import node_of_buses
 from gridfold.powerflow.result import PowerFlowResult
 
 #: Entries of a map from currents to voltages up to which it is made: a product with it is faster than
@@ -45,26 +46,13 @@ class Injections:
     machine : mapping
         Norton admittance of each machine, by unit.
     nonlinear : NonlinearLoads, optional
-        Parts of loads that are no impedances; `load` has their equivalents.
+        Parts of loads and ends of dc lines that are no impedances; `load` has their equivalents.
     """
 
     load: NDArray[np.complex128]
     negative_load: Mapping[UnitKey, complex]
     machine: Mapping[UnitKey, complex]
     nonlinear: NonlinearLoads | None = None
-
-    def shed(self, case: Case, shed: Collection[tuple[int, float]]) -> Injections:
-        """The same with parts of the load at some buses (number, part) gone."""
-        if not shed:
-            return self
-        left = np.ones(len(case.buses))
-        for bus, part in shed:
-            left[case.bus_index[bus]] -= part
-        loads = self.nonlinear
-        if loads is not None:
-            here = left[[case.bus_index[bus] for bus in loads.buses]]
-            loads = replace(loads, power=loads.power * here, current=loads.current * here)
-        return replace(self, load=self.load * left, nonlinear=loads)
 
 
 @dataclass(frozen=True)
@@ -76,13 +64,15 @@ class NetworkEquations:
     matrix : sparse array, shape (n_live, n_live)
         Admittances, of which all nodes that are dead or at zero voltage have been removed.
     live : ndarray of int, shape (n_live,)
-        Position of each row among the buses.
+        Position of each row among the buses, of the first one where some are joined.
     terminals : ndarray of int, shape (n_terminals,)
         Row of each machine terminal; -1 where its voltage is zero.
     n_buses : int
         Number of buses.
     islands : Islands
         Islands of this network state.
+    nodes : ndarray of int, shape (n_buses,)
+        The node of each bus: the position of the first bus that is joined to it.
     """
 
     matrix: csc_array
@@ -90,6 +80,12 @@ class NetworkEquations:
     terminals: NDArray[np.int64]
     n_buses: int
     islands: Islands
+    nodes: NDArray[np.int64]
+
+    @cached_property
+    def bus_rows(self) -> NDArray[np.int64]:
+        """Row of each bus, shape (n_buses,); -1 where its voltage is zero."""
+        return _bus_rows(self.live, self.nodes)
 
     @cached_property
     def factors(self) -> SuperLU:
@@ -106,9 +102,8 @@ class NetworkEquations:
 
     def seen_from(self, positions: Sequence[int]) -> NetworkEquations:
         """The same network, and its factors, with terminals at the `positions` of buses in the case."""
-        row = {int(bus): k for k, bus in enumerate(self.live)}
-        rows = np.array([row.get(position, -1) for position in positions], dtype=np.int64)
-        seen = replace(self, terminals=rows)
+        at = np.array(positions, dtype=np.int64)
+        seen = replace(self, terminals=self.bus_rows[at])
         vars(seen)["factors"] = self.factors
         return seen
 
@@ -132,12 +127,14 @@ class NetworkEquations:
     def _solved(self, currents: NDArray[np.complex128]) -> NDArray[np.complex128]:
         present = self.terminals >= 0
         injected = np.zeros((len(self.live), currents.shape[1]), dtype=np.complex128)
-        injected[self.terminals[present]] = currents[present]
+        np.add.at(injected, self.terminals[present], currents[present])
         voltage = np.zeros((self.n_buses, currents.shape[1]), dtype=np.complex128)
+        rows = self.bus_rows
+        places = np.flatnonzero(rows >= 0)
         for first in range(0, injected.shape[1], _TOGETHER):
             few = slice(first, first + _TOGETHER)
             solved = self.factors.solve(np.ascontiguousarray(injected[:, few]))
-            voltage[self.live, few] = solved
+            voltage[places, few] = solved[rows[places]]
         return voltage
 
     def terminal_impedance(self) -> NDArray[np.complex128]:
@@ -162,6 +159,7 @@ def build_equations(
     case = power_flow.case
     index = case.bus_index
     n = len(case.buses)
+    nodes = node_of_buses(case, state.severed)
     inside = {point.branch for point in state.branch_faults if point.at_end is None}
     altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
@@ -178,7 +176,7 @@ def build_equations(
     alive = islands.energized.copy()
     for bus, impedance in state.bus_shorts(case):
         if impedance == 0:
-            alive[index[bus]] = False
+            alive[nodes[index[bus]]] = False
         else:
             shunt[index[bus]] += 1 / impedance
     matrix = bus_admittance(case, altered).tocoo()
@@ -188,17 +186,23 @@ def build_equations(
         (
             np.concatenate([matrix.data, shunt, values]),
             (
-                np.concatenate([matrix.row, diagonal, rows]),
-                np.concatenate([matrix.col, diagonal, columns]),
+                nodes[np.concatenate([matrix.row, diagonal, rows])],
+                nodes[np.concatenate([matrix.col, diagonal, columns])],
             ),
         ),
         shape=(n, n),
     ).tocsc()
-    live = np.flatnonzero(alive)
-    row_of = np.full(n, -1)
-    row_of[live] = np.arange(len(live))
+    live = np.flatnonzero(alive & (nodes == diagonal))
+    row_of = _bus_rows(live, nodes)
     at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
-    return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands)
+    return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands, nodes)
+
+
+def _bus_rows(live: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Row of each bus among the live nodes, shape (n_buses,); -1 where there is none."""
+    rows = np.full(len(nodes), -1)
+    rows[live] = np.arange(len(live))
+    return np.asarray(rows[nodes], dtype=np.int64)
 
 
 def _shunt_changes(case: Case, state: NetworkState) -> Iterator[tuple[int, complex]]:
@@ -214,8 +218,11 @@ def _shunt_changes(case: Case, state: NetworkState) -> Iterator[tuple[int, compl
 def _altered_branches(
     case: Case, state: NetworkState, positions: Collection[int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.complex128]]:
-    """Matrix entries of branches with a fault inside or an open end."""
-    order = sorted(positions)
+    """Matrix entries of branches with a fault inside or an open end.
+
+    Those without impedance have none.
+    """
+    order = sorted(k for k in positions if not case.branches[k].joins)
     ports = np.array([state_port(case, state, k) for k in order]).reshape(-1, 2, 2)
     index, branches = case.bus_index, [case.branches[k] for k in order]
     ends = np.array([(index[b.from_bus], index[b.to_bus]) for b in branches], dtype=np.int64)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from gridfold.dynamics.network.backend import NETWORK_SIGNATURE, CompiledNetwork
 from gridfold.errors import OptionError
 from gridfold.numerics.compiled import compile_callback, compiled_part, invoke
+from gridfold.powerflow.injections import dc_power
 from gridfold.powerflow.result import PowerFlowResult
 
 #: Voltage in p.u. below which every load is a constant impedance.
@@ -167,7 +168,7 @@ class NonlinearLoads:
 
 
 def nonlinear_loads(power_flow: PowerFlowResult, model: LoadModel) -> NonlinearLoads | None:
-    """The parts of all loads in service that are no impedances; None if there are none."""
+    """The parts of all loads and dc lines in service that are no impedances; None without any."""
     case = power_flow.case
     power, current = np.zeros((2, len(case.buses)), dtype=np.complex128)
     size = np.abs(power_flow.voltage)
@@ -180,6 +181,9 @@ def nonlinear_loads(power_flow: PowerFlowResult, model: LoadModel) -> NonlinearL
                 power[at] += complex(load.active_mw, load.reactive_mvar) / case.base_mva
                 steady = complex(load.current_active_mw, load.current_reactive_mvar)
                 current[at] += steady / case.base_mva * size[at]
+    for flow in power_flow.dc_flows:
+        part = current if flow.line.holds_current else power
+        part += dc_power(case, [flow])
     some = np.flatnonzero((power != 0) | (current != 0))
     if not len(some):
         return None

@@ -1,0 +1,49 @@
+"""What the records of a RAW file tell beside the tables of powerio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gridfold.io.flow_controls import bus_number
+from gridfold.io.powerio_branches import JOINS, LINE_CHARGING
+from gridfold.io.powerio_records import BLANK_FIELDS, Extras
+from gridfold.io.raw_dc import DcLines
+from gridfold.io.raw_records import CompleteRecords
+from gridfold.io.raw_sections import RawSections
+
+
+def annotate(data: Mapping[str, Any], records: CompleteRecords, threshold: float) -> None:
+    """Tell of lines and generators what powerio does not."""
+    for row, charging in zip(data["branches"], records.line_charging, strict=False):
+        row[LINE_CHARGING] = charging
+        row[JOINS] = float(row["r"]) == 0 and abs(float(row["x"])) <= threshold
+    for row in data["switches"]:
+        row[JOINS] = abs(float(row["extras"].get("psse_xpu", 0.0))) <= threshold
+    units = zip(data["generators"], records.blanks, records.regulated, strict=True)
+    for row, blanks, bus in units:
+        row[BLANK_FIELDS] = blanks
+        row["regulated_bus"] = bus_number(bus)  # powerio drops one that is not in the file
+    fixed = len(data["shunts"]) - len(records.held_by_shunts)
+    for row, bus in zip(data["shunts"][fixed:], records.held_by_shunts, strict=True):
+        if row.get("control"):
+            row["control"]["control_bus"] = bus_number(bus)
+
+
+def extras_of(dc_lines: DcLines, records: CompleteRecords, file: str) -> Extras:
+    """What powerio does not tell, with its places."""
+    return Extras(
+        dc_lines=tuple((line, f"{file}:{number}") for line, number in dc_lines.lines),
+        bus_shunts=tuple((fields, f"{file}:{at}") for at, fields in records.bus_shunts),
+        unsupported=tuple(dc_lines.unsupported),
+    )
+
+
+def skipped(sections: RawSections) -> list[str]:
+    """What is not read and might have been meant to count."""
+    nodes = len(sections.of("SUBSTATION"))
+    if not nodes:
+        return []
+    return [
+        f"substations with their nodes are not read ({nodes} lines): buses are as in the BUS section"
+    ]
