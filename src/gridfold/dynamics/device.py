@@ -53,10 +53,33 @@ class Role(IntEnum):
     EXCITER = 2
     GOVERNOR = 3
     TURBINE = 4
+    PLANT_CONTROL = 5
+    TORQUE_CONTROL = 6
+    ELECTRICAL_CONTROL = 7
+    PITCH_CONTROL = 8
+    AERODYNAMICS = 9
+    DRIVE_TRAIN = 10
 
+
+#: What belongs to a converter: it takes the place of a machine.
+CONVERTER_ROLES = (
+    Role.ELECTRICAL_CONTROL,
+    Role.TORQUE_CONTROL,
+    Role.PLANT_CONTROL,
+    Role.DRIVE_TRAIN,
+    Role.AERODYNAMICS,
+    Role.PITCH_CONTROL,
+)
 
 #: Start values follow the demand: the machine says which field voltage and power it needs, and so on.
-START_ORDER = (Role.MACHINE, Role.EXCITER, Role.TURBINE, Role.GOVERNOR, Role.STABILIZER)
+START_ORDER = (
+    Role.MACHINE,
+    Role.EXCITER,
+    Role.TURBINE,
+    Role.GOVERNOR,
+    Role.STABILIZER,
+    *CONVERTER_ROLES,
+)
 
 
 class Scaling(Enum):

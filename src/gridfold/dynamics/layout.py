@@ -19,6 +19,8 @@ from gridfold.errors import CaseError
 from gridfold.grid.case import UnitKey
 
 _VOLTAGE_INPUTS = ("voltage_real", "voltage_imag")
+#: States that turn as the whole system does: of a rotor, and of the voltage that a converter follows.
+ROTOR_ANGLE, VOLTAGE_ANGLE = "rotor_angle", "voltage_angle"
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,10 @@ class Layout:
             if name == "speed" and slot < self.n_states
         }
 
+    def angle_states(self, units_out: Collection[UnitKey] = ()) -> NDArray[np.int64]:
+        """Positions of the states that turn as the whole system does, of all units in service."""
+        return turning_states(self.state_names, (ROTOR_ANGLE, VOLTAGE_ANGLE), units_out)
+
     @property
     def constant_start(self) -> int:
         """Position of the constants in the signal vector."""
@@ -102,6 +108,35 @@ class Layout:
     def voltage_slots(self) -> NDArray[np.int64]:
         """Positions of the terminal voltages in the signal vector, real parts first."""
         return np.arange(self.voltage_start, self.n_signals)
+
+
+def turning_states(
+    state_names: Sequence[str], kinds: Sequence[str], units_out: Collection[UnitKey] = ()
+) -> NDArray[np.int64]:
+    """Positions of the states of some `kinds` of angle among `state_names`, of units in service."""
+    out = {str(unit) for unit in units_out}
+    parted = (name.partition(":") for name in state_names)
+    found = [k for k, (name, _, unit) in enumerate(parted) if name in kinds and unit not in out]
+    return np.array(found, dtype=np.int64)
+
+
+def infinite_buses(layout: Layout) -> dict[UnitKey, float]:
+    """Angle in rad of each source without states."""
+    angles: dict[UnitKey, float] = {}
+    for block in layout.blocks:
+        if block.device.sources and not block.device.states:
+            rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
+            angle = np.arctan2(rows["internal_imag"], rows["internal_real"])
+            angles |= dict(zip(block.units, angle.tolist(), strict=True))
+    return angles
+
+
+def frame_states(
+    state_names: Sequence[str], units_out: Collection[UnitKey] = ()
+) -> NDArray[np.int64]:
+    """Positions of the angles that tell how far all have turned: of rotors, else of converters."""
+    rotors = turning_states(state_names, (ROTOR_ANGLE,), units_out)
+    return rotors if len(rotors) else turning_states(state_names, (VOLTAGE_ANGLE,), units_out)
 
 
 Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]

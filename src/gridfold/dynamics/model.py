@@ -15,7 +15,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
-from gridfold.dynamics.layout import Block, Layout, build_layout
+from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Layout, build_layout
 from gridfold.dynamics.network import (
     Injections,
     NetworkBackend,
@@ -143,9 +143,7 @@ class DetailedModel:
     @cached_property
     def machines(self) -> tuple[UnitKey, ...]:
         """Units that have a rotor, in order of the case's generators."""
-        return tuple(
-            u for u in self._source_order if (u, "rotor_angle") in self.layout.signal_slots
-        )
+        return tuple(u for u in self._source_order if (u, ROTOR_ANGLE) in self.layout.signal_slots)
 
     @property
     def _source_order(self) -> Iterator[UnitKey]:

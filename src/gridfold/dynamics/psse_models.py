@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device import CONVERTER_ROLES, Device, Role
 
 
 class Kind(Enum):
@@ -34,6 +34,7 @@ _KIND_OF_ROLE = {
     Role.EXCITER: Kind.EXCITER,
     Role.GOVERNOR: Kind.GOVERNOR,
     Role.STABILIZER: Kind.STABILIZER,
+    **dict.fromkeys(CONVERTER_ROLES, Kind.CONTROL),
 }
 
 _NAMES = {

@@ -30,7 +30,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from gridfold.dynamics.device import Device
+from gridfold.dynamics.device import CONVERTER_ROLES, Device
 from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
 from gridfold.dynamics.psse_parameters import (
     classical_parameters,
@@ -78,6 +78,8 @@ _TAKERS = {  # the device that a controller needs, the input there, and what is 
     Kind.GOVERNOR: (Kind.MACHINE, "mechanical_power", "the machine has no turbine"),
     Kind.STABILIZER: (Kind.EXCITER, "stabilizer_signal", "the unit has no exciter for it"),
 }
+
+_NOT_NEEDED = "nothing in its unit takes what it gives"
 
 
 class Unsupported(Enum):
@@ -414,9 +416,26 @@ class _Units:
                 self._make(device, record, given)
             else:
                 self.tally.add(record.model, f"left out, {reason}", record.key)
+        self._converter_controls(records, machine)
         for record in records:
             if record.model not in self.records.supported:
                 self.leave_out(record)
+
+    def _converter_controls(self, records: Sequence[DynamicRecord], machine: Device) -> None:
+        """What controls a converter: each takes its place if another one needs what it gives."""
+        needed = set(machine.inputs)
+        for role in CONVERTER_ROLES:
+            for record in records:
+                device = self.records.supported.get(record.model)
+                if device is None or device.role is not role:
+                    continue
+                given = {*device.states, *device.outputs}
+                if not given & needed or set(device.targets) - set(device.defaults) - needed:
+                    self.tally.add(record.model, f"left out, {_NOT_NEEDED}", record.key)
+                    continue
+                needed |= set(device.inputs)
+                place = self.records.place(record)
+                self._make(device, record, named_parameters(record, device, place, self.faults))
 
     def _make(self, device: Device, record: DynamicRecord, parameters: Mapping[str, float]) -> None:
         made = DeviceRecord(device.model, record.bus, record.id, parameters)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from gridfold.dynamics.converters.reecb1 import REECB1
+from gridfold.dynamics.converters.regca1 import REGCA1
+from gridfold.dynamics.converters.repca1 import REPCA1
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.exciters.ac8b import AC8B
 from gridfold.dynamics.exciters.dc4b import DC4B
@@ -107,6 +110,9 @@ _ALL = (
     ST2CUT,
     STAB1,
     STAB2A,
+    REGCA1,
+    REECB1,
+    REPCA1,
 )
 
 DEVICES: dict[str, Device] = {device.model: device for device in _ALL}

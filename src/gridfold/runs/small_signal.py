@@ -28,7 +28,7 @@ class SmallSignal:
     state_names : tuple of str
         ``name:BUS:ID`` of each state.
     common_angle : ndarray of bool, shape (n,)
-        True for the zero eigenvalue of the common rotor angle.
+        True for the zero eigenvalue of the common angle.
     """
 
     eigenvalues: NDArray[np.complex128]
@@ -78,9 +78,9 @@ def small_signal(model: DetailedModel, x: NDArray[np.float64] | None = None) -> 
 def _common_angle(
     model: DetailedModel, jacobian: NDArray[np.float64], values: NDArray[np.complex128]
 ) -> NDArray[np.bool_]:
-    """Mark the eigenvalue nearest to zero if turning all rotors together changes nothing."""
+    """Mark the eigenvalue nearest to zero if turning all together changes nothing."""
     shift = np.zeros(model.n_states)
-    shift[model.slots("rotor_angle", model.machines)] = 1.0
+    shift[model.layout.angle_states()] = 1.0
     marked = np.zeros(len(values), dtype=bool)
     scale = np.abs(jacobian).max(initial=0.0)
     if len(values) and np.abs(jacobian @ shift).max() <= 1e-9 * scale:
