@@ -12,8 +12,8 @@ All is in per unit of the converter's rating. With the terminal voltage vf = V /
     Iqcmd = Iq + Iqinj within Iqmin and Iqmax,    Ipcmd = Pord / vf within 0 and Ipmax
 
 Qr is within Qmin and Qmax but where it stands for a voltage, Vr within Vmin and Vmax. Both currents
-share Imax: the reactive one comes first for PQFLAG = 0, the active one for PQFLAG = 1, and the other has
-what is left. While the voltage is below Vdip or above Vup, all integrals and lags behind Qr stand.
+share Imax: the reactive one comes first for PQFLAG = 0, the active one for PQFLAG = 1, and the other
+has what is left. While the voltage is below Vdip or above Vup, all integrals and lags behind Qr stand.
 """
 
 from __future__ import annotations

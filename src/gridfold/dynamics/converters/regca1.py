@@ -141,8 +141,9 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def codes(parameters: Mapping[str, float]) -> Iterable[str]:
     """A switch is 0 or 1, and a rate of falling is negative."""
-    if parameters["low_voltage_power_code"] not in (0, 1):
-        yield f"low_voltage_power_code Lvplsw {parameters['low_voltage_power_code']:g} is neither 0 nor 1"
+    code = parameters["low_voltage_power_code"]
+    if code not in (0, 1):
+        yield f"low_voltage_power_code Lvplsw {code:g} is neither 0 nor 1"
     if parameters["reactive_fall_rate"] > 0:
         yield "reactive_fall_rate Iqrmin is the rate of falling, not above 0"
 

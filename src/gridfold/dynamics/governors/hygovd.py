@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-
 from gridfold.dynamics.blocks import clip, dead_band_between, held, lag
 from gridfold.dynamics.checks import checks
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Side, limits

@@ -66,7 +66,7 @@ def compile_with_loads(
 def norton_currents(
     power_flow: PowerFlowResult, injections: Injections, terminals: tuple[int, ...]
 ) -> NDArray[np.complex128]:
-    """Norton currents of machines and converters at the operating point, by terminal, (n_terminals,)."""
+    """Norton currents of all sources at the operating point, by terminal, (n_terminals,)."""
     case = power_flow.case
     place = {bus: k for k, bus in enumerate(terminals)}
     currents = np.zeros(len(terminals), dtype=np.complex128)
