@@ -33,7 +33,7 @@ from gridfold.dynamics.device import Bound, Limit, Parameter, Scaling, Side, Val
 ) = range(30)  # fmt: skip
 FILTERED, MEASURED, Q_INTEGRAL, V_INTEGRAL, Q_CURRENT, ORDER = range(6)
 VT, PE, QE, PREF, QREF = range(5)
-IP_COMMAND, IQ_COMMAND, VOLTAGE_START, FACTOR_START = range(4)
+IP_COMMAND, IQ_COMMAND, VOLTAGE_START, FACTOR_START, DIP = range(5)
 #: Voltage in p.u. by which no current is divided if it is lower.
 LEAST_VOLTAGE = 0.01
 
@@ -90,8 +90,9 @@ OUTPUTS = (
     "reactive_current_command",
     "voltage_reference_start",
     "power_factor_start",
+    "voltage_dip",
 )
-TARGETS = OUTPUTS
+TARGETS = OUTPUTS[:4]
 SOLVED_INPUTS = ("active_reference", "reactive_reference")
 DEFAULTS = {"voltage_reference_start": 0.0, "power_factor_start": 0.0}
 ORDERED = (
@@ -224,8 +225,12 @@ def both_commands(x, u, p, i, wanted, bias, injected, own_active, own_reactive):
 
 
 @njit
-def start_rows(x, u, p, y, i, reference, tangent):
-    """What is zero at the start: a reference that is not given is the voltage, unused factors are 0."""
+def other_outputs(x, u, p, y, i, reference, tangent):
+    """Whether the voltage is off, and what is zero at the start.
+
+    A reference that is not given is the voltage then, a factor that nothing uses is 0.
+    """
+    y[DIP, i] = (1.0 if off_voltage(u, p, i) else 0.0) + 0.0 * reference
     if p[VREF0, i].real > 0:
         y[VOLTAGE_START, i] = reference - p[VREF0, i]
     else:
@@ -291,8 +296,8 @@ def codes(parameters: Mapping[str, float]) -> Iterable[str]:
     if parameters["lowest_power_rate"] > 0:
         yield "lowest_power_rate dPmin is the rate of falling, not above 0"
     if parameters["reactive_code"] == 1:
-        if parameters["voltage_proportional_gain"] == parameters["voltage_integral_gain"] == 0:
+        if not parameters["voltage_proportional_gain"] + parameters["voltage_integral_gain"]:
             yield "Kvp and Kvi are both 0: with QFLAG 1 nothing gives the reactive current"
-        gains = parameters["reactive_proportional_gain"], parameters["reactive_integral_gain"]
-        if parameters["voltage_code"] == 1 and gains == (0, 0):
+        gain = parameters["reactive_proportional_gain"] + parameters["reactive_integral_gain"]
+        if parameters["voltage_code"] == 1 and gain == 0:
             yield "Kqp and Kqi are both 0: with QFLAG 1 and VFLAG 1 nothing gives the voltage"

@@ -21,9 +21,9 @@ from gridfold.dynamics.converters.electrical import (
     both_commands,
     measured_voltage,
     off_voltage,
+    other_outputs,
     power_order_rate,
     reactive_reference,
-    start_rows,
     voltage_support,
 )
 from gridfold.dynamics.device import Device, Role
@@ -48,7 +48,7 @@ def output(x, u, p, y, dx):
         y[IP_COMMAND, i], y[IQ_COMMAND, i], _, _, _ = both_commands(
             x, u, p, i, wanted, 0.0 * wanted, injected, free, free
         )
-        start_rows(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i])
+        other_outputs(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i])
 
 
 def derivative(x, u, p, y, dx):
@@ -86,4 +86,5 @@ REECB1 = Device(
     check=checks(electrical.PARAMETERS, ordered=electrical.ORDERED, more=[electrical.codes]),
     limits=electrical.LIMITS,
     psse_record=DYR_COLUMNS,
+    psse_measured=(0,),
 )

@@ -190,10 +190,10 @@ def codes(parameters: Mapping[str, float]) -> Iterable[str]:
     ):
         if parameters[low] > 0 or parameters[high] < 0:
             yield f"the dead band {symbols} has to hold zero"
-    if parameters["reactive_proportional_gain"] == parameters["reactive_integral_gain"] == 0:
+    if not parameters["reactive_proportional_gain"] + parameters["reactive_integral_gain"]:
         yield "Kp and Ki are both 0: nothing gives the reactive power"
-    gains = parameters["power_proportional_gain"], parameters["power_integral_gain"]
-    if parameters["frequency_code"] == 1 and gains == (0, 0):
+    gain = parameters["power_proportional_gain"] + parameters["power_integral_gain"]
+    if parameters["frequency_code"] == 1 and gain == 0:
         yield "Kpg and Kig are both 0: with Fflag 1 nothing gives the power"
 
 
@@ -236,4 +236,5 @@ REPCA1 = Device(
         *limits("lowest_power", "highest_power"),
     ),
     psse_record=DYR_COLUMNS,
+    psse_measured=(0, 1),
 )
