@@ -112,9 +112,9 @@ def dead_band(u, width):
 @njit
 def dead_band_between(u, low, high):
     """Zero between `low` and `high`, which hold zero, and beyond them what exceeds them."""
-    if u.real > high.real:
+    if u.real >= high.real:
         return u - high
-    if u.real < low.real:
+    if u.real <= low.real:
         return u - low
     return 0.0 * u
 

@@ -33,7 +33,7 @@ from gridfold.dynamics.device import Bound, Limit, Parameter, Scaling, Side, Val
 ) = range(30)  # fmt: skip
 FILTERED, MEASURED, Q_INTEGRAL, V_INTEGRAL, Q_CURRENT, ORDER = range(6)
 VT, PE, QE, PREF, QREF = range(5)
-IP_COMMAND, IQ_COMMAND, VOLTAGE_START, FACTOR_START, DIP = range(5)
+IP_COMMAND, IQ_COMMAND, VOLTAGE_START, FACTOR_START, DIP, WANTED = range(6)
 #: Voltage in p.u. by which no current is divided if it is lower.
 LEAST_VOLTAGE = 0.01
 
@@ -91,6 +91,7 @@ OUTPUTS = (
     "voltage_reference_start",
     "power_factor_start",
     "voltage_dip",
+    "wanted_power",
 )
 TARGETS = OUTPUTS[:4]
 SOLVED_INPUTS = ("active_reference", "reactive_reference")
@@ -225,12 +226,13 @@ def both_commands(x, u, p, i, wanted, bias, injected, own_active, own_reactive):
 
 
 @njit
-def other_outputs(x, u, p, y, i, reference, tangent):
-    """Whether the voltage is off, and what is zero at the start.
+def other_outputs(x, u, p, y, i, reference, tangent, speed):
+    """Whether the voltage is off, the power that is wanted, and what is zero at the start.
 
     A reference that is not given is the voltage then, a factor that nothing uses is 0.
     """
     y[DIP, i] = (1.0 if off_voltage(u, p, i) else 0.0) + 0.0 * reference
+    y[WANTED, i] = u[PREF, i] * speed
     if p[VREF0, i].real > 0:
         y[VOLTAGE_START, i] = reference - p[VREF0, i]
     else:

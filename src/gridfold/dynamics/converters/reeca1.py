@@ -112,6 +112,12 @@ def run_down(clock, time, off):
 
 
 @njit
+def speed_factor(u, p, i):
+    """What multiplies the power reference of unit `i`."""
+    return u[SPEED, i] if p[PFLAG, i].real == 1 else 1.0 + 0.0 * u[SPEED, i]
+
+
+@njit
 def commands(x, u, p, i):
     """Both commands, derivatives of integrals and lag, and the limit of the active current."""
     v, _, _ = measured_voltage(x, u, p, i)
@@ -130,7 +136,7 @@ def output(x, u, p, y, dx):
     """Both current commands."""
     for i in range(x.shape[1]):
         y[IP_COMMAND, i], y[IQ_COMMAND, i], _, _, _, _ = commands(x, u, p, i)
-        other_outputs(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i])
+        other_outputs(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i], speed_factor(u, p, i))
 
 
 def derivative(x, u, p, y, dx):
@@ -140,12 +146,11 @@ def derivative(x, u, p, y, dx):
         _, dx[FILTERED, i], _ = measured_voltage(x, u, p, i)
         _, dx[MEASURED, i] = reactive_reference(x, u, p, i, p[TANGENT, i])
         _, _, d_q, d_v, d_lag, highest = commands(x, u, p, i)
-        speed = u[SPEED, i] if p[PFLAG, i].real == 1 else 1.0 + 0.0 * u[SPEED, i]
         moves = 0.0 if off else 1.0
         dx[Q_INTEGRAL, i] = moves * d_q
         dx[V_INTEGRAL, i] = moves * d_v
         dx[Q_CURRENT, i] = moves * d_lag
-        dx[ORDER, i] = moves * power_order_rate(x, u, p, i, u[PREF, i] * speed)
+        dx[ORDER, i] = moves * power_order_rate(x, u, p, i, u[PREF, i] * speed_factor(u, p, i))
         hold = p[THLD, i] if p[THLD, i].real > 0 else -p[THLD, i]
         dx[SUPPORT_CLOCK, i] = run_down(x[SUPPORT_CLOCK, i], hold, off)
         dx[LIMIT_CLOCK, i] = run_down(x[LIMIT_CLOCK, i], p[THLD2, i], off)

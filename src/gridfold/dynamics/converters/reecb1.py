@@ -48,7 +48,7 @@ def output(x, u, p, y, dx):
         y[IP_COMMAND, i], y[IQ_COMMAND, i], _, _, _ = both_commands(
             x, u, p, i, wanted, 0.0 * wanted, injected, free, free
         )
-        other_outputs(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i])
+        other_outputs(x, u, p, y, i, p[REFERENCE, i], p[TANGENT, i], 1.0)
 
 
 def derivative(x, u, p, y, dx):
