@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -445,3 +446,17 @@ def test_start_beyond_a_limit_is_named():
 def test_records_have_the_length_of_the_psse_data_sheets():
     lengths = {model: len(RECORDS[model]) for model in ("regca1", "reecb1", "reeca1", "repca1")}
     assert lengths == {"regca1": 15, "reecb1": 30, "reeca1": 51, "repca1": 34}
+
+
+def test_converters_without_a_machine_are_refused_by_name():
+    case = converter_case(PLANT)
+    alone_there = replace(
+        case,
+        buses=case.buses[:1],
+        branches=(),
+        generators=(replace(case.generators[0], control=gf.Control.SLACK),),
+        loads=(gf.Load(1, active_mw=80.0),),
+        devices=tuple(device for device in case.devices if device.bus == 1),
+    )
+    with pytest.raises(gf.InitializationError, match="a voltage to follow: 1:1"):
+        gf.build_model(alone_there)

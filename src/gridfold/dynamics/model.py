@@ -346,6 +346,7 @@ def _built(
     injections = _injections(solved, start.layout, nonlinear)
     state = initial_state(case)
     equations = build_equations(solved, injections, layout.terminals, state)
+    _require_voltage(layout, equations, case)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
     warnings = (*moved, *_check_equilibrium(start, compiled, solved))
@@ -364,6 +365,16 @@ def _built(
         model_doubts(solved, devices),
         on_limit,
     )
+
+
+def _require_voltage(layout: Layout, equations: NetworkEquations, case: Case) -> None:
+    """Converters follow a voltage: a machine has to make it."""
+    on = equations.islands.energized
+    dead = [str(unit) for unit in layout.source_units if not on[case.bus_index[unit.bus]]]
+    if dead:
+        raise InitializationError(
+            f"converters that no machine in their island gives a voltage to follow: {', '.join(dead)}"
+        )
 
 
 def _compile(
