@@ -139,7 +139,7 @@ def voltage_support(x, u, p, i, reference):
 @njit
 def left_over(whole, taken):
     """What a current leaves of a limit across it."""
-    rest = whole * whole - taken * taken
+    rest = (whole - taken) * (whole + taken)
     return np.sqrt(rest) if rest.real > 0 else 0.0 * rest
 
 
