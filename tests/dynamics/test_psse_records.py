@@ -229,13 +229,13 @@ def test_two_devices_of_one_role_at_a_unit_are_refused_supported_or_not(case):
         *WHOLE,
         ("SEXS", 1, SEXS),
         ("EXBAS", 1, EXBAS),
-        ("REGCA1", 2, ()),
+        ("REGCB1", 2, ()),
         ("TGOV1", 2, TGOV1),
     ]
     faults = faults_of(case, data(*rows), unsupported=Unsupported.DROP)
     assert faults == [
         "unit 1:1 has 2 exciters: SEXS (line 3), EXBAS (line 4)",
-        "unit 2:1 has 2 machines: GENCLS (line 2), REGCA1 (line 5)",
+        "unit 2:1 has 2 machines: GENCLS (line 2), REGCB1 (line 5)",
     ]
 
 
@@ -312,8 +312,8 @@ def test_a_short_record_of_a_machine_that_is_replaced_is_refused(case):
     ("model", "unsupported"),
     [
         ("GENTPJ1", Unsupported.DROP),
-        ("REGCA1", Unsupported.CLASSICAL),
-        ("REGCA1", Unsupported.DROP),
+        ("REGCB1", Unsupported.CLASSICAL),
+        ("REGCB1", Unsupported.DROP),
         ("CGEN1", Unsupported.CLASSICAL),
         ("NEWGEN", Unsupported.CLASSICAL),
     ],
@@ -468,3 +468,63 @@ def test_positions_for_a_classical_machine_agree_with_the_models_that_gridfold_h
         names = ("inertia", "damping", "d_transient_reactance")
         assert tuple(columns.index(name) for name in names) == CLASSICAL_COLUMNS[model]
     assert all(kind_of(model, {}) is Kind.MACHINE for model in CLASSICAL_COLUMNS)
+
+
+CONVERTER = {
+    "REGCA1": (1, 0.02, 10.0, 0.9, 0.4, 1.22, 1.2, 0.9, 0.5, -1.3, 0.02, 0.7, 100.0, -100.0, 0.7),
+    "REECB1": (
+        0, 0, 1, 0, 0, -99.0, 99.0, 0.02, 0.0, 0.0, 0.0, 1.1, -1.1, 0.0, 0.05, 0.44, -0.44, 1.05,
+        0.9, 0.0, 0.01, 10.0, 60.0, 0.02, 99.0, -99.0, 1.0, 0.0, 1.11, 0.02,
+    ),
+    "REPCA1": (
+        0, 0, 0, "0", 0, 0, 1, 0.02, 18.0, 5.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.02, 0.1, -0.1, -1.0,
+        1.0, 0.43, -0.43, 1.0, 0.05, 0.25, -1.0, 1.0, 99.0, -99.0, 1.0, 0.0, 0.1, 0.0, 0.0,
+    ),
+    "WTARA1": (0.007, 0.0),
+}  # fmt: skip
+
+
+def converter_rows(*models, **changed):
+    rows = ((model, 2, changed.get(model, CONVERTER[model])) for model in models)
+    return data(("GENROU", 1, GENROU), *rows)
+
+
+def test_controls_of_a_converter_take_their_places_in_any_order_of_the_file(case):
+    for models in (("REGCA1", "REECB1", "REPCA1"), ("REPCA1", "REECB1", "REGCA1")):
+        found = device_records(case, converter_rows(*models))
+        assert list(by_name(found)) == ["genrou 1:1", "regca1 2:1", "reecb1 2:1", "repca1 2:1"]
+        assert found.replaced == ()
+    assert kind_of("REGCA1", psse_devices(DEVICES)) is Kind.CONVERTER
+    assert kind_of("REPCA1", psse_devices(DEVICES)) is Kind.CONTROL
+
+
+@pytest.mark.parametrize(
+    ("models", "lost"),
+    [
+        (("REGCA1", "REPCA1"), "REPCA1"),
+        (("REGCA1", "REECB1", "WTARA1"), "WTARA1"),
+    ],
+)
+def test_controls_that_nothing_listens_to_are_left_out_and_told(case, models, lost):
+    found = device_records(case, converter_rows(*models))
+    assert outcomes(found) == {(lost, "left out, nothing in its unit takes what it gives"): ["2:1"]}
+
+
+def test_a_control_that_measures_elsewhere_is_refused_unless_that_is_accepted(case):
+    remote = (2, 2, 1, *CONVERTER["REPCA1"][3:])
+    near = converter_rows("REGCA1", "REECB1", "REPCA1", REPCA1=remote)
+    assert device_records(case, near).replaced == ()
+    far = converter_rows("REGCA1", "REECB1", "REPCA1", REPCA1=(1, *CONVERTER["REPCA1"][1:]))
+    assert faults_of(case, far) == ["REPCA1 2:1 (own.dyr:4): it measures at bus 1"]
+    found = device_records(case, far, unsupported=Unsupported.CLASSICAL)
+    assert outcomes(found) == {("REPCA1", "measures at the terminals of its unit"): ["2:1"]}
+
+
+def test_an_exciter_or_governor_beside_a_converter_is_left_out(case):
+    rows = converter_rows("REGCA1", "REECB1")
+    more = data(("SEXS", 2, SEXS), ("TGOV1", 2, TGOV1))
+    found = device_records(case, replace(rows, records=(*rows.records, *more.records)))
+    assert outcomes(found) == {
+        ("SEXS", "left out, the machine has no field"): ["2:1"],
+        ("TGOV1", "left out, the machine has no turbine"): ["2:1"],
+    }

@@ -26,6 +26,8 @@ TOLERANCE = {"angle_deg": 0.02, "voltage_deg": 0.02, "voltage_pu": 2e-4, "slip":
 #: Part of a range that other signals may deviate by. Without a time constant the field voltage follows
 #: the terminal voltage at once; in PSS/E it does so one step of 5 ms later.
 PART = {"sexs_te_zero": 0.012}
+#: Outputs of a converter, by bus, on the system base.
+CONVERTER = {"p_pu": "active_power", "q_pu": "reactive_power"}
 LOADS = {"load_current": LoadModel((0.0, 1.0, 0.0)), "load_power": LoadModel((1.0, 0.0, 0.0))}
 
 
@@ -52,6 +54,8 @@ def value(run: gf.Trajectory, column: str) -> np.ndarray:
         return np.abs(voltage) if name == "voltage_pu" else np.degrees(np.angle(voltage))
     if name == "angle_deg":
         return run.rotor_angle_deg([key])[:, 0]
+    if name in CONVERTER:
+        return run.signal(CONVERTER[name], [f"{key}:1"])[:, 0]
     if name in ("slip", "speed_pu"):
         return run.signal("speed", [key])[:, 0] - (name == "slip")
     return run.signal(name, [key])[:, 0]
@@ -118,3 +122,12 @@ def test_degov_swings_as_in_powerworld():
     """The reference is of PowerWorld: the swing there is slower by 0.4 percent."""
     for error, extent in deviations("degov").values():
         assert error < 0.1 * extent
+
+
+@pytest.mark.parametrize("name", ["regca1_reecb1_repca1", "regca1_reference_flag"])
+def test_converter_moves_as_in_psse(name):
+    """PSS/E aligns the current with the voltage of the same instant, gridfold within 5 ms."""
+    for column, (error, _) in deviations(name, "101-103").items():
+        kind = column.partition(":")[0]
+        bound = {"p_pu": 5e-4, "q_pu": 1e-3, "voltage_pu": 3e-4, "voltage_deg": 0.02}[kind]
+        assert error < bound, column

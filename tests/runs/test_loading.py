@@ -69,7 +69,7 @@ def test_models_that_gridfold_lacks_are_listed_all_at_once():
     with pytest.raises(gf.CaseError) as raised:
         own("models_we_lack.dyr")
     faults = raised.value.faults
-    lacking = ["IEELAL", "FRQTPAT", "GENTPJ1", "EXBAS", "MAXEX2", "REGCA1", "REECB1", "TWDM1T"]
+    lacking = ["IEELAL", "FRQTPAT", "GENTPJ1", "EXBAS", "MAXEX2", "REGCB1", "REECD1", "TWDM1T"]
     assert [fault.split()[0] for fault in faults] == lacking
 
 
@@ -157,28 +157,24 @@ def test_new_england_system_needs_its_load_model_dropped():
     assert np.abs(model.compiled(model.x0)).max() < 1e-9
 
 
-@pytest.mark.parametrize("choice", ["classical", "drop"])
-def test_western_system_lacks_its_inverters(choice):
-    with pytest.raises(gf.CaseError) as raised:
-        public(WECC)
-    assert [fault.split(", ")[0] for fault in raised.value.faults] == [
-        "REGCA1 (converter) is not supported: 37 records",
-        "REECB1 (control of a converter or turbine) is not supported: 37 records",
-        "REPCA1 (control of a converter or turbine) is not supported: 37 records",
-    ]
-    loaded = public(WECC, unsupported=choice)
+def test_western_system_has_its_inverters():
+    loaded = public(WECC)
+    assert loaded.replacements == ()
     assert models(loaded) == {
         "genrou": 103,
-        "negative_load": 37,
+        "regca1": 37,
+        "reecb1": 37,
+        "repca1": 37,
         "sexs": 103,
         "gast": 47,
         "tgov1": 31,
         "hygov": 25,
         "ieeest": 10,
     }
-    inverters = loaded.replacements[0]
-    assert (inverters.model, inverters.outcome, inverters.count) == ("REGCA1", "negative load", 37)
-    assert inverters.share == pytest.approx(0.179, abs=5e-4)
+    model = gf.build_model(loaded.case)
+    assert model.residual < 1e-8
+    assert not model.warnings
+    assert len(model.machines) == 103
 
 
 def test_texas_system_lacks_data_of_units_alone():

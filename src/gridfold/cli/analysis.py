@@ -259,5 +259,6 @@ def _mode_record(modes: SmallSignal, k: int) -> dict[str, Any]:
         "frequency_hz": float(modes.frequency_hz[k]),
         "damping_ratio": None if np.isnan(ratio) else float(ratio),
         "common_angle": bool(modes.common_angle[k]),
+        "at_rest": bool(modes.at_rest[k]),
         "participation": dict(modes.dominant_states(k)),
     }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.area_rhs import LinearPart, pack_area_rhs
 from gridfold.dynamics.held_boundary import boundary_voltages, held_bus, held_group, held_network
-from gridfold.dynamics.layout import Group, Layout, build_layout
+from gridfold.dynamics.layout import Group, Layout, build_layout, frame_states
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network import CompiledNetwork, build_equations, compile_with_loads
 from gridfold.grid.case import UnitKey
@@ -231,7 +231,7 @@ def build_area_model(
         g=area.full.b[row_index],
         t=area.states.restrict_matrix[:, row_index],
     )
-    angle_states = [k for k in exact_index if model.state_names[k].startswith("rotor_angle:")]
+    angle_states = exact_index[frame_states([model.state_names[k] for k in exact_index])]
     held_names, held_table = _held_places(layout, held, len(exact_index))
     held_slots = np.array([slot[name] for name in held_names], dtype=np.int64)
     passive = set(rest)

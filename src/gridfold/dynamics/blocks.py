@@ -110,6 +110,16 @@ def dead_band(u, width):
 
 
 @njit
+def dead_band_between(u, low, high):
+    """Zero between `low` and `high`, which hold zero, and beyond them what exceeds them."""
+    if u.real >= high.real:
+        return u - high
+    if u.real <= low.real:
+        return u - low
+    return 0.0 * u
+
+
+@njit
 def limited_integral(rate, x, lowest, highest):
     """1 / s with non-windup limits: the output, then the derivative of the state."""
     return clip(x, lowest, highest), held(rate, x, lowest, highest)

@@ -18,7 +18,8 @@ Comparisons in a kernel must therefore use ``.real``. Start values are found by 
 same kernels: no equation is written twice.
 
 Signals are joined by name among the devices of one unit: an input is taken from the state or output of
-that name of another device of the same unit.
+that name of another device of the same unit. A device with the input ``name_before`` and the output
+``name`` stands between those that give and those that take that signal.
 """
 
 from __future__ import annotations
@@ -53,10 +54,33 @@ class Role(IntEnum):
     EXCITER = 2
     GOVERNOR = 3
     TURBINE = 4
+    PLANT_CONTROL = 5
+    TORQUE_CONTROL = 6
+    ELECTRICAL_CONTROL = 7
+    PITCH_CONTROL = 8
+    AERODYNAMICS = 9
+    DRIVE_TRAIN = 10
 
+
+#: What belongs to a converter: it takes the place of a machine.
+CONVERTER_ROLES = (
+    Role.ELECTRICAL_CONTROL,
+    Role.TORQUE_CONTROL,
+    Role.PLANT_CONTROL,
+    Role.DRIVE_TRAIN,
+    Role.AERODYNAMICS,
+    Role.PITCH_CONTROL,
+)
 
 #: Start values follow the demand: the machine says which field voltage and power it needs, and so on.
-START_ORDER = (Role.MACHINE, Role.EXCITER, Role.TURBINE, Role.GOVERNOR, Role.STABILIZER)
+START_ORDER = (
+    Role.MACHINE,
+    Role.EXCITER,
+    Role.TURBINE,
+    Role.GOVERNOR,
+    Role.STABILIZER,
+    *CONVERTER_ROLES,
+)
 
 
 class Scaling(Enum):
@@ -123,6 +147,11 @@ def as_given(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, f
     return parameters
 
 
+def nothing_foreseen(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
+    """No signal is decided before the others are found."""
+    return {}
+
+
 def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
     """Parameters need no check beyond their ranges."""
     return ()
@@ -163,6 +192,9 @@ class Device:
         Value of an input that no device provides.
     guess : callable
         First guess of unknowns by name from parameters and known signals; 0 where it is silent.
+    foresee : callable
+        Signals of its unit that it decides at the start before any other, from parameters and the
+        operating point; for example the speed that belongs to a power.
     resolve : callable
         Parameters of one unit as they act, from those given and its base in MVA: where a value stands
         for a rule, such as a limit of 0 for one that follows from others.
@@ -172,6 +204,8 @@ class Device:
         Parameters that are limits. The start is found without them, and then compared with them.
     psse_record : tuple of str or None
         Parameters in the order of its PSS/E record, behind bus, model and id; None is not used.
+    psse_measured : tuple of int
+        Positions in that record of the numbers of buses at which it measures: 0, or its own.
     """
 
     model: str
@@ -191,10 +225,12 @@ class Device:
     solved_inputs: tuple[str, ...] = ()
     defaults: Mapping[str, float] = field(default_factory=dict)
     guess: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = lambda p, known: {}
+    foresee: Callable[[Values, Mapping[str, Any]], Mapping[str, Any]] = nothing_foreseen
     resolve: Callable[[Mapping[str, float], float], Mapping[str, float]] = as_given
     check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
     limits: tuple[Limit, ...] = ()
     psse_record: tuple[str | None, ...] = ()
+    psse_measured: tuple[int, ...] = ()
 
     @cached_property
     def parameter_rows(self) -> tuple[str, ...]:

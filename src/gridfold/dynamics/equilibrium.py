@@ -15,6 +15,7 @@ from scipy.sparse import block_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from gridfold.dynamics.descriptor import grid_descriptor
+from gridfold.dynamics.layout import ROTOR_ANGLE, infinite_buses
 from gridfold.dynamics.model import DetailedModel, good_residual
 from gridfold.dynamics.unit_limits import state_limits
 from gridfold.errors import InitializationError
@@ -65,12 +66,13 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
     InitializationError
         None is found: the system has none there, or falls apart into islands.
     """
-    units = tuple(unit for unit in model.machines if unit not in model.state.units_out)
-    angles = model.slots("rotor_angle", units)
+    out = model.state.units_out
+    units = tuple(unit for unit in model.machines if unit not in out)
+    angles = model.slots(ROTOR_ANGLE, units)
     moving = np.zeros(model.n_states)
-    moving[angles] = 1.0
+    moving[model.layout.angle_states(out)] = 1.0
     condition = np.zeros(model.n_states + 1)
-    if set(model.layout.source_units) - set(model.machines) - set(model.state.units_out):
+    if set(infinite_buses(model.layout)) - set(out):
         condition[-1] = 1.0
     else:
         condition[angles] = model.inertia(units) / model.inertia(units).sum()

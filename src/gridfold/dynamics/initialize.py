@@ -8,15 +8,17 @@ taken away for that; one that the start is beyond is named, or moved to the star
 
 from __future__ import annotations
 
+from collections import ChainMap
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import START_ORDER, Device
+from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.layout import Block, Layout
+from gridfold.dynamics.layout import Block, Layout, given_as
 from gridfold.dynamics.limiting import acting_limits, widened, without_limits
 from gridfold.errors import InitializationError
 from gridfold.grid.case import UnitKey
@@ -98,11 +100,13 @@ def _start_all(
 ) -> tuple[list[Block], NDArray[np.float64], Known]:
     """All blocks with their set points, the states, and all signals by unit and name."""
     known = _operating_point(layout, power_flow)
+    for block in layout.blocks:
+        known |= _foreseen(block, known)
     x0 = np.zeros(layout.n_states)
     blocks = list(layout.blocks)
     order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
     for k in order:
-        blocks[k], x = _start_block(blocks[k], known, report)
+        blocks[k], x = _start_block(blocks[k], known, report, layout.relayed)
         x0[blocks[k].state_index] = x
     return blocks, x0, known
 
@@ -120,33 +124,57 @@ def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
     return known
 
 
+def _foreseen(block: Block, known: Known) -> Known:
+    """Signals that a block decides before any other."""
+    device, units = block.device, block.units
+    if device.foresee is nothing_foreseen:
+        return {}
+    names = [name for name in device.inputs if all((unit, name) in known for unit in units)]
+    signals = {name: np.array([known[unit, name] for unit in units]) for name in names}
+    parameters = dict(zip(device.parameter_rows, block.parameters, strict=True))
+    return {
+        (unit, name): float(value)
+        for name, values in device.foresee(parameters, signals).items()
+        for unit, value in zip(units, values, strict=True)
+    }
+
+
 def _start_block(
-    block: Block, known: Known, report: _LimitReport
+    block: Block,
+    known: Known,
+    report: _LimitReport,
+    relayed: Collection[tuple[UnitKey, str]] = (),
 ) -> tuple[Block, NDArray[np.float64]]:
     """Solve one block; its signals are added to `known`."""
     device, units = block.device, block.units
+    wanted = {
+        (unit, name): known[given_as(device, unit, name, relayed)]
+        for name in device.targets
+        for unit in units
+        if given_as(device, unit, name, relayed) in known
+    }
+    seen = ChainMap(wanted, known)
     for name, value in device.defaults.items():
         for unit in units:
             known.setdefault((unit, name), value)
     given = [name for name in device.inputs if name not in device.solved_inputs]
     for name in (*given, *device.targets):
-        missing = [unit for unit in units if (unit, name) not in known]
+        missing = [unit for unit in units if (unit, name) not in seen]
         if missing:
             raise InitializationError(
                 f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
             )
     free = replace(block, parameters=without_limits(device, block.parameters))
-    problem = _StartProblem(free, known)
+    problem = _StartProblem(free, seen)
     solution = newton_batch(problem.residual, problem.guess())
     problem.check(solution)
     x, u, p, y = problem.split(solution.astype(np.complex128))
-    for rows, values in (
-        (device.states, x),
-        (device.signal_rows, y),
-        (device.inputs, u),
-    ):
+    for name, row in zip(device.inputs, u.real, strict=True):
+        known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
+    for rows, values in ((device.states, x), (device.signal_rows, y)):
         for name, row in zip(rows, values.real, strict=True):
-            known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
+            keys = (given_as(device, unit, name, relayed) for unit in units)
+            known |= dict(zip(keys, row, strict=True))
     parameters = np.ascontiguousarray(p.real)
     for limit in device.limits:
         row = device.parameter_rows.index(limit.parameter)
@@ -188,7 +216,7 @@ def _check_limits(
 class _StartProblem:
     """The equations of a block's start: unknowns are states, set points and solved inputs."""
 
-    def __init__(self, block: Block, known: Known):
+    def __init__(self, block: Block, known: Mapping[tuple[UnitKey, str], float]):
         self.block = block
         self.device: Device = block.device
         self.unknowns = (*self.device.states, *self.device.set_points, *self.device.solved_inputs)

@@ -19,6 +19,10 @@ from gridfold.errors import CaseError
 from gridfold.grid.case import UnitKey
 
 _VOLTAGE_INPUTS = ("voltage_real", "voltage_imag")
+#: Ends the name of a signal that a device of the unit takes and gives on.
+BEFORE = "_before"
+#: States that turn as the whole system does: of a rotor, and of the voltage that a converter follows.
+ROTOR_ANGLE, VOLTAGE_ANGLE = "rotor_angle", "voltage_angle"
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,8 @@ class Layout:
 
     `constant_names` are the units and inputs that no device provides; `terminals` are the bus numbers
     at which machines stand; `sources` are for each machine: position of the real and the imaginary
-    part of its Norton current, and its terminal.
+    part of its Norton current, and its terminal; `relayed` are signals of units that a device of the
+    unit takes and gives on.
     """
 
     blocks: tuple[Block, ...]
@@ -78,6 +83,7 @@ class Layout:
     source_units: tuple[UnitKey, ...]
     signal_slots: Mapping[tuple[UnitKey, str], int] = field(repr=False)
     state_names: tuple[str, ...] = field(repr=False)
+    relayed: frozenset[tuple[UnitKey, str]] = frozenset()
 
     @cached_property
     def speed_states(self) -> dict[UnitKey, int]:
@@ -87,6 +93,10 @@ class Layout:
             for (unit, name), slot in self.signal_slots.items()
             if name == "speed" and slot < self.n_states
         }
+
+    def angle_states(self, units_out: Collection[UnitKey] = ()) -> NDArray[np.int64]:
+        """Positions of the states that turn as the whole system does, of all units in service."""
+        return turning_states(self.state_names, (ROTOR_ANGLE, VOLTAGE_ANGLE), units_out)
 
     @property
     def constant_start(self) -> int:
@@ -102,6 +112,35 @@ class Layout:
     def voltage_slots(self) -> NDArray[np.int64]:
         """Positions of the terminal voltages in the signal vector, real parts first."""
         return np.arange(self.voltage_start, self.n_signals)
+
+
+def turning_states(
+    state_names: Sequence[str], kinds: Sequence[str], units_out: Collection[UnitKey] = ()
+) -> NDArray[np.int64]:
+    """Positions of the states of some `kinds` of angle among `state_names`, of units in service."""
+    out = {str(unit) for unit in units_out}
+    parted = (name.partition(":") for name in state_names)
+    found = [k for k, (name, _, unit) in enumerate(parted) if name in kinds and unit not in out]
+    return np.array(found, dtype=np.int64)
+
+
+def infinite_buses(layout: Layout) -> dict[UnitKey, float]:
+    """Angle in rad of each source without states."""
+    angles: dict[UnitKey, float] = {}
+    for block in layout.blocks:
+        if block.device.sources and not block.device.states:
+            rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
+            angle = np.arctan2(rows["internal_imag"], rows["internal_real"])
+            angles |= dict(zip(block.units, angle.tolist(), strict=True))
+    return angles
+
+
+def frame_states(
+    state_names: Sequence[str], units_out: Collection[UnitKey] = ()
+) -> NDArray[np.int64]:
+    """Positions of the angles that tell how far all have turned: of rotors, else of converters."""
+    rotors = turning_states(state_names, (ROTOR_ANGLE,), units_out)
+    return rotors if len(rotors) else turning_states(state_names, (VOLTAGE_ANGLE,), units_out)
 
 
 Group = tuple[Device, Sequence[UnitKey], NDArray[np.float64]]
@@ -121,14 +160,16 @@ def build_layout(
     slots: dict[tuple[UnitKey, str], int] = {}
     providers: dict[tuple[UnitKey, str], str] = {}
     faults: list[str] = []
+    relayed = _relayed(ordered)
 
     def place(device: Device, units: Sequence[UnitKey], rows: Sequence[str], start: int) -> int:
         for row, name in enumerate(rows):
             for column, unit in enumerate(units):
-                other = providers.setdefault((unit, name), device.model)
+                key = given_as(device, unit, name, relayed)
+                other = providers.setdefault(key, device.model)
                 if other != device.model:
                     faults.append(f"unit {unit}: both {other} and {device.model} give {name}")
-                slots[unit, name] = start + row * len(units) + column
+                slots[key] = start + row * len(units) + column
         return start + len(rows) * len(units)
 
     state_starts, signal_starts = [], []
@@ -137,7 +178,7 @@ def build_layout(
         state_starts.append(position)
         position = place(device, units, device.states, position)
     n_states = position
-    constants = _open_inputs(ordered, slots, faults, given)
+    constants = _open_inputs(ordered, slots, faults, given, relayed)
     for name in constants:
         slots[name] = position
         position += 1
@@ -172,7 +213,27 @@ def build_layout(
         source_units=tuple(terminal_of),
         signal_slots=slots,
         state_names=tuple(_state_names(blocks)),
+        relayed=relayed,
     )
+
+
+def _relayed(groups: Sequence[Group]) -> frozenset[tuple[UnitKey, str]]:
+    """Signals of units that a device of the unit takes and gives on."""
+    return frozenset(
+        (unit, name)
+        for device, units, _ in groups
+        for name in device.signal_rows
+        if name + BEFORE in device.inputs
+        for unit in units
+    )
+
+
+def given_as(
+    device: Device, unit: UnitKey, name: str, relayed: Collection[tuple[UnitKey, str]]
+) -> tuple[UnitKey, str]:
+    """What a signal that `device` gives is called in its unit."""
+    before = (unit, name) in relayed and name + BEFORE not in device.inputs
+    return unit, name + BEFORE if before else name
 
 
 def _open_inputs(
@@ -180,11 +241,14 @@ def _open_inputs(
     slots: Mapping[tuple[UnitKey, str], int],
     faults: list[str],
     given: Collection[tuple[UnitKey, str]],
+    relayed: Collection[tuple[UnitKey, str]],
 ) -> list[tuple[UnitKey, str]]:
     """Inputs that no device of the unit provides; those that nothing can stand for are faults."""
     provided = set(slots)
     for device, units, _ in groups:
-        provided |= {(unit, name) for unit in units for name in device.signal_rows}
+        provided |= {
+            given_as(device, unit, name, relayed) for unit in units for name in device.signal_rows
+        }
     open_inputs: dict[tuple[UnitKey, str], None] = {}
     for device, units, _ in groups:
         for unit in units:

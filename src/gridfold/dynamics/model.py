@@ -15,7 +15,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
-from gridfold.dynamics.layout import Block, Layout, build_layout
+from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Layout, build_layout
 from gridfold.dynamics.network import (
     Injections,
     NetworkBackend,
@@ -147,9 +147,7 @@ class DetailedModel:
     @cached_property
     def machines(self) -> tuple[UnitKey, ...]:
         """Units that have a rotor, in order of the case's generators."""
-        return tuple(
-            u for u in self._source_order if (u, "rotor_angle") in self.layout.signal_slots
-        )
+        return tuple(u for u in self._source_order if (u, ROTOR_ANGLE) in self.layout.signal_slots)
 
     @property
     def _source_order(self) -> Iterator[UnitKey]:
@@ -356,6 +354,7 @@ def _built(
     state = initial_state(case)
     injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
     equations = build_equations(solved, injections, layout.terminals, state)
+    _require_voltage(layout, equations, case)
     compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
     warnings = (*moved, *_check_equilibrium(start, compiled, solved))
@@ -374,6 +373,16 @@ def _built(
         model_doubts(solved, devices),
         on_limit,
     )
+
+
+def _require_voltage(layout: Layout, equations: NetworkEquations, case: Case) -> None:
+    """Converters follow a voltage: a machine has to make it."""
+    on = equations.islands.energized
+    dead = [str(unit) for unit in layout.source_units if not on[case.bus_index[unit.bus]]]
+    if dead:
+        raise InitializationError(
+            f"converters that no machine in their island gives a voltage to follow: {', '.join(dead)}"
+        )
 
 
 def _compile(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.layout import Group, build_layout
+from gridfold.dynamics.layout import Group, build_layout, frame_states
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_network import load_buses, port_network
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
@@ -122,11 +122,7 @@ def build_port_model(
     values |= dict.fromkeys(speeds, 1.0)
     found = port_network(model, layout.terminals, study, origin)
     out = model.state.units_out
-    angles = [
-        slot
-        for slot, name in enumerate(layout.state_names)
-        if name.startswith("rotor_angle:") and not any(name.endswith(f":{u}") for u in out)
-    ]
+    angles = frame_states(layout.state_names, out)
     compiled = pack_port_rhs(
         layout,
         np.array([values[name] for name in layout.constant_names]),

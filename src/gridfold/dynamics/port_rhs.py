@@ -16,7 +16,7 @@ first coordinates of all pairs, then their second ones.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -216,7 +216,7 @@ def pack_port_rhs(
     network: CompiledNetwork,
     ports: NDArray[np.int64],
     area: LinearPorts,
-    angles: tuple[Sequence[int], ArrayLike] = ((), ()),
+    angles: tuple[ArrayLike, ArrayLike] = ((), ()),
     units_out: Collection[UnitKey] = (),
 ) -> CompiledRhs:
     """Right-hand side of the exact units in `layout` with a linear area at the terminals `ports`.
@@ -237,7 +237,7 @@ def pack_port_rhs(
     header[LANES] = _LANES  # read while running: a loop of known length would be unrolled instead
     header[PORT_WORK_AT] = data.work_size
     header[AREA_WORK_AT] = data.work_size + max(_up(len(ports), _LANES), _LANES) * _PORT_ROWS
-    header[[N_ANGLES, ANGLES_AT]] = len(angles[0]), data.integers.add(angles[0])
+    header[[N_ANGLES, ANGLES_AT]] = np.size(angles[0]), data.integers.add(angles[0])
     header[ANGLE_REFERENCE_AT] = data.reals.add(angles[1])
     if area.movers is not None:
         header[N_MOVERS] = len(area.movers.units)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device import CONVERTER_ROLES, Device, Role
 
 
 class Kind(Enum):
@@ -34,6 +34,7 @@ _KIND_OF_ROLE = {
     Role.EXCITER: Kind.EXCITER,
     Role.GOVERNOR: Kind.GOVERNOR,
     Role.STABILIZER: Kind.STABILIZER,
+    **dict.fromkeys(CONVERTER_ROLES, Kind.CONTROL),
 }
 
 _NAMES = {
@@ -128,7 +129,9 @@ def psse_devices(devices: Mapping[str, Device]) -> dict[str, Device]:
 def kind_of(model: str, supported: Mapping[str, Device]) -> Kind:
     """What a model is; `supported` as from :func:`psse_devices`."""
     if model in supported:
-        return _KIND_OF_ROLE.get(supported[model].role, Kind.UNKNOWN)
+        kind = _KIND_OF_ROLE.get(supported[model].role, Kind.UNKNOWN)
+        is_converter = kind is Kind.MACHINE and _KINDS.get(model) is Kind.CONVERTER
+        return Kind.CONVERTER if is_converter else kind
     if model in _KINDS:
         return _KINDS[model]
     stem = model.removesuffix("U1")[:-2]

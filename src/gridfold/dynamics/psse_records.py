@@ -21,6 +21,10 @@ A model that gridfold does not have is never replaced in silence. By default it 
 A generator without a machine in the file is an error too, or on request (:class:`WithoutData`) a
 negative load, or a unit with typical data (:mod:`gridfold.dynamics.typical_data`); wind and solar
 plants have none.
+
+Controls of converters take their places from the converter outwards; one whose outputs nothing takes
+is left out. One that measures at another bus than its own is an error too, and measures at the
+terminals of its unit on request.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from gridfold.dynamics.device import Device
+from gridfold.dynamics.device import CONVERTER_ROLES, Device
 from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
 from gridfold.dynamics.psse_parameters import (
     classical_parameters,
@@ -57,6 +61,10 @@ _REPLACE = (
     '--unsupported classical (unsupported="classical") replaces machines by GENCLS and converters by '
     "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads"
 )
+_MEASURE = (
+    "gridfold measures at the terminals of the unit alone: --unsupported classical "
+    '(unsupported="classical") accepts that'
+)
 _ABSORB = (
     '--no-data negative-load (without_data="negative_load") makes generators without a machine '
     'negative loads; --typical (without_data="typical") gives them typical data by kind and size'
@@ -78,6 +86,8 @@ _TAKERS = {  # the device that a controller needs, the input there, and what is 
     Kind.GOVERNOR: (Kind.MACHINE, "mechanical_power", "the machine has no turbine"),
     Kind.STABILIZER: (Kind.EXCITER, "stabilizer_signal", "the unit has no exciter for it"),
 }
+
+_NOT_NEEDED = "nothing in its unit takes what it gives"
 
 
 class Unsupported(Enum):
@@ -162,7 +172,8 @@ def device_records(
     for generator in case.generators:
         if generator.in_service:
             units.convert(generator.key)
-    faults += units.faults
+    faults += units.faults + units.elsewhere
+    advice += [_MEASURE] if units.elsewhere else []
     unplaced = tuple(records.unplaced_texts(case))
     if units.lacking and without_data is WithoutData.ERROR:
         extent = replacement(case, "", "", units.lacking).extent.replace("record", "generator")
@@ -317,6 +328,7 @@ class _Units:
         self.origins: dict[str, str] = {}
         self.lacking: list[UnitKey] = []
         self.faults: list[str] = []
+        self.elsewhere: list[str] = []
         self.notices: list[str] = []
         self.resolved: dict[tuple[str, str], list[DynamicRecord]] = {}
         for skipped in records.user_written:
@@ -414,9 +426,38 @@ class _Units:
                 self._make(device, record, given)
             else:
                 self.tally.add(record.model, f"left out, {reason}", record.key)
+        self._converter_controls(records, machine)
         for record in records:
             if record.model not in self.records.supported:
                 self.leave_out(record)
+
+    def _converter_controls(self, records: Sequence[DynamicRecord], machine: Device) -> None:
+        """What controls a converter: each takes its place if another one needs what it gives."""
+        needed = set(machine.inputs)
+        for role in CONVERTER_ROLES:
+            for record in records:
+                device = self.records.supported.get(record.model)
+                if device is None or device.role is not role:
+                    continue
+                given = {*device.states, *device.outputs}
+                if not given & needed or set(device.targets) - set(device.defaults) - needed:
+                    self.tally.add(record.model, f"left out, {_NOT_NEEDED}", record.key)
+                    continue
+                needed |= set(device.inputs)
+                self._note_place_of_measuring(device, record)
+                place = self.records.place(record)
+                self._make(device, record, named_parameters(record, device, place, self.faults))
+
+    def _note_place_of_measuring(self, device: Device, record: DynamicRecord) -> None:
+        """A control that measures elsewhere in the network does so at its own terminals here."""
+        numbers = [record.values[k] for k in device.psse_measured if k < len(record.values)]
+        elsewhere = [number for number in numbers if number not in (0, record.bus)]
+        if elsewhere and self.unsupported is Unsupported.ERROR:
+            self.elsewhere.append(
+                f"{self.records.place(record)}: it measures at bus {elsewhere[0]:g}"
+            )
+        elif elsewhere:
+            self.tally.add(record.model, "measures at the terminals of its unit", record.key)
 
     def _make(self, device: Device, record: DynamicRecord, parameters: Mapping[str, float]) -> None:
         made = DeviceRecord(device.model, record.bus, record.id, parameters)

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from gridfold.dynamics.converters.reeca1 import REECA1
+from gridfold.dynamics.converters.reecb1 import REECB1
+from gridfold.dynamics.converters.regca1 import REGCA1
+from gridfold.dynamics.converters.repca1 import REPCA1
+from gridfold.dynamics.converters.wtara1 import WTARA1
+from gridfold.dynamics.converters.wtdta1 import WTDTA1
+from gridfold.dynamics.converters.wtpta1 import WTPTA1
+from gridfold.dynamics.converters.wttqa1 import WTTQA1
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.exciters.ac8b import AC8B
 from gridfold.dynamics.exciters.dc4b import DC4B
@@ -107,6 +115,14 @@ _ALL = (
     ST2CUT,
     STAB1,
     STAB2A,
+    REGCA1,
+    REECA1,
+    REECB1,
+    REPCA1,
+    WTARA1,
+    WTDTA1,
+    WTPTA1,
+    WTTQA1,
 )
 
 DEVICES: dict[str, Device] = {device.model: device for device in _ALL}

@@ -89,7 +89,7 @@ def touched_held(
 
     Beside such a limit the derivative is one-sided, and rounding would decide which side is taken. A
     state that is at its limit stands still: the limits of both sides are put beyond it. Limits without
-    a state, or without one on the other side, are taken away.
+    a state there, or without one on the other side, are taken away.
     """
     near = set(limits_touched(model, x, units)) - set(limits_acting(model, x, units))
     if not near:
@@ -102,13 +102,20 @@ def touched_held(
             for k, unit in enumerate(block.units):
                 if limit_name(block.device, limit, unit) in near:
                     parameters[row, k] = limit.side.value * NO_LIMIT
+                    bound = float(limit_value(block.device, limit, block.parameters)[k])
                     others = _opposite(block.device, limit)
-                    if others:
-                        bound = limit_value(block.device, limit, block.parameters)[k]
+                    if others and _is_at(block, limit, k, x, bound):
                         for each in (limit, *others):
                             _put(block.device, each, parameters, k, bound)
         blocks[at] = replace(block, parameters=parameters)
     return model.with_blocks(blocks)
+
+
+def _is_at(block: Block, limit: Limit, column: int, x: NDArray[np.float64], bound: float) -> bool:
+    """Whether the state of a limit is at it; the parameter may limit other things besides."""
+    row = block.device.states.index(str(limit.state))
+    off = abs(x[block.state_index[row, column]] - bound)
+    return bool(off <= AT_LIMIT * max(abs(bound), 1.0))
 
 
 def _opposite(device: Device, limit: Limit) -> list[Limit]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.admittance import branch_admittances
 from gridfold.grid.case import UnitKey
@@ -35,7 +36,8 @@ class ExternalNetwork:
     transfer : ndarray of complex, shape (n_external, n_boundary)
         From the voltages of the study area's boundary buses.
     tie_admittance : ndarray of complex, shape (n_ties, n_external)
-        Y21 of (12): current in each tie line for one volt behind each machine's reactance.
+        Y21 of (12): current in each tie line for one volt behind each machine's reactance, or for
+        the rated current of a converter, which has none.
     """
 
     impedance: NDArray[np.complex128]
@@ -125,9 +127,16 @@ def external_network(parts: Partition, loads: Sequence[int] = ()) -> ExternalNet
     from_currents = factors.solve(injected)
     from_boundary = factors.solve(-matrix[outside][:, boundary].toarray())
     ends = [place[row[case.bus_index[tie.external_bus]]] for tie in parts.tie_lines]
-    machine = np.array([model.injections.machine[unit] for unit in parts.external_units])
-    ties = _tie_series(parts)[:, None] * from_currents[ends, : len(machine)] * machine
+    given = _given_currents(model, parts.external_units)
+    ties = _tie_series(parts)[:, None] * from_currents[ends, : len(given)] * given
     return ExternalNetwork(from_currents[at], from_boundary[at], ties)
+
+
+def _given_currents(model: DetailedModel, units: Sequence[UnitKey]) -> NDArray[np.complex128]:
+    """Current in p.u. that each unit gives for one volt behind its reactance; converters: rated."""
+    case, machines = model.case, model.injections.machine
+    rated = {g.key: g.base_mva / case.base_mva for g in case.generators}
+    return np.array([machines.get(unit, rated[unit]) for unit in units], dtype=np.complex128)
 
 
 def _tie_series(parts: Partition) -> NDArray[np.complex128]:

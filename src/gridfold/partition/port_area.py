@@ -54,7 +54,7 @@ class PortArea:
     log_slopes : ndarray, shape (2 n_ports, n)
         Slopes of ln |J|, then of arg J, in the states.
     turn : ndarray, shape (n, 1)
-        What a common turn of all rotor angles by 1 rad does to the states; machines that are out
+        What a common turn of all angles by 1 rad does to the states; machines that are out
         do not turn.
     turned : ndarray, shape (2 n_ports,)
         By how much more than 1 rad logarithm and angle of J change when the currents of all linear
@@ -175,7 +175,7 @@ def linearize_ports(
     least = np.minimum(np.abs(current), np.abs(voltage))
     if not least.all():
         raise _no_port(ports.buses[int(np.argmin(least))])
-    angles = np.array([name.startswith("rotor_angle:") for name in inner.state_names])
+    angles = np.isin(index, model.layout.angle_states())
     return PortArea(
         ports,
         inner.with_outputs(weights @ slopes),

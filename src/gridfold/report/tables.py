@@ -255,8 +255,10 @@ def mode_table(modes: SmallSignal, shown: Sequence[int]) -> PlainTable:
         value = modes.eigenvalues[k]
         text = f"{value.real:+.4f} ± {value.imag:.4f}j" if value.imag else f"{value.real:+.4f}"
         states = ", ".join(f"{name} {factor:.2f}" for name, factor in modes.dominant_states(k))
-        note = "common angle; " if modes.common_angle[k] else ""
-        damping = "" if modes.common_angle[k] else f"{100 * ratio[k]:.2f}"
+        note = (
+            "common angle; " if modes.common_angle[k] else "at rest; " if modes.at_rest[k] else ""
+        )
+        damping = "" if modes.zero[k] else f"{100 * ratio[k]:.2f}"
         table.add_row(text, f"{modes.frequency_hz[k]:.4f}", damping, note + states)
     return table
 

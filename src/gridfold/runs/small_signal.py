@@ -28,13 +28,22 @@ class SmallSignal:
     state_names : tuple of str
         ``name:BUS:ID`` of each state.
     common_angle : ndarray of bool, shape (n,)
-        True for the zero eigenvalue of the common rotor angle.
+        True for the zero eigenvalue of the common angle.
+    at_rest : ndarray of bool, shape (n,)
+        True for the zero eigenvalues of states that nothing moves, such as an integral whose input is
+        within its dead band, or a state that is held at a limit.
     """
 
     eigenvalues: NDArray[np.complex128]
     participation: NDArray[np.float64]
     state_names: tuple[str, ...]
     common_angle: NDArray[np.bool_]
+    at_rest: NDArray[np.bool_]
+
+    @property
+    def zero(self) -> NDArray[np.bool_]:
+        """Which eigenvalues are zero by nature, and say nothing of stability, shape (n,)."""
+        return np.asarray(self.common_angle | self.at_rest)
 
     @property
     def damping_ratio(self) -> NDArray[np.float64]:
@@ -42,7 +51,7 @@ class SmallSignal:
         size = np.abs(self.eigenvalues)
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = -self.eigenvalues.real / size
-        return np.where(self.common_angle, np.nan, ratio)
+        return np.where(self.zero, np.nan, ratio)
 
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
@@ -51,8 +60,8 @@ class SmallSignal:
 
     @property
     def rightmost(self) -> complex | None:
-        """The rightmost eigenvalue apart from the zero of the common angle; None if there is none."""
-        others = self.eigenvalues[~self.common_angle]
+        """The rightmost eigenvalue that is not zero by nature; None if there is none."""
+        others = self.eigenvalues[~self.zero]
         return complex(others[0]) if len(others) else None
 
     def dominant_states(self, mode: int, count: int = 3) -> list[tuple[str, float]]:
@@ -71,18 +80,30 @@ def small_signal(model: DetailedModel, x: NDArray[np.float64] | None = None) -> 
     participation = np.abs(left.conj() * right)
     largest = participation.max(axis=0, initial=0.0)
     participation /= np.where(largest > 0, largest, 1.0)
-    common = _common_angle(model, jacobian, values)
-    return SmallSignal(values, participation, model.state_names, common)
+    rest = _at_rest(jacobian, values)
+    common = _common_angle(model, jacobian, values, rest)
+    return SmallSignal(values, participation, model.state_names, common, rest)
+
+
+def _at_rest(jacobian: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Mark as many of the smallest eigenvalues as there are states that nothing moves."""
+    count = int(np.sum(~jacobian.any(axis=1)))
+    marked = np.zeros(len(values), dtype=bool)
+    marked[np.argsort(np.abs(values), kind="stable")[:count]] = True
+    return marked
 
 
 def _common_angle(
-    model: DetailedModel, jacobian: NDArray[np.float64], values: NDArray[np.complex128]
+    model: DetailedModel,
+    jacobian: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    at_rest: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """Mark the eigenvalue nearest to zero if turning all rotors together changes nothing."""
+    """Mark the eigenvalue nearest to zero of the others if turning all together changes nothing."""
     shift = np.zeros(model.n_states)
-    shift[model.slots("rotor_angle", model.machines)] = 1.0
+    shift[model.layout.angle_states()] = 1.0
     marked = np.zeros(len(values), dtype=bool)
     scale = np.abs(jacobian).max(initial=0.0)
     if len(values) and np.abs(jacobian @ shift).max() <= 1e-9 * scale:
-        marked[np.argmin(np.abs(values))] = True
+        marked[np.argmin(np.where(at_rest, np.inf, np.abs(values)))] = True
     return marked

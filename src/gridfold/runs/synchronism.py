@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.dynamics.layout import ROTOR_ANGLE, infinite_buses
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -129,7 +130,7 @@ def angle_frame(model: DetailedModel) -> AngleFrame:
     raw = np.array([labels[index[unit.bus]] for unit in units], dtype=np.int64)
     present, island = np.unique(raw, return_inverse=True)
     fixed = np.full(len(present), np.nan)
-    for unit, angle in _infinite_buses(model).items():
+    for unit, angle in infinite_buses(model.layout).items():
         here = np.flatnonzero(present == labels[index[unit.bus]])
         if unit not in out:
             fixed[here] = angle
@@ -137,21 +138,10 @@ def angle_frame(model: DetailedModel) -> AngleFrame:
     turning = tuple(unit for unit in units if unit in speeds)
     return AngleFrame(
         units,
-        model.slots("rotor_angle", units),
+        model.slots(ROTOR_ANGLE, units),
         island.astype(np.int64),
         model.inertia(units),
         fixed,
         turning,
         np.array([speeds[unit] for unit in turning], dtype=np.int64),
     )
-
-
-def _infinite_buses(model: DetailedModel) -> dict[UnitKey, float]:
-    """Angle in rad of each source without a rotor."""
-    angles: dict[UnitKey, float] = {}
-    for block in model.layout.blocks:
-        if block.device.sources and not block.device.states:
-            rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
-            angle = np.arctan2(rows["internal_imag"], rows["internal_real"])
-            angles |= dict(zip(block.units, angle.tolist(), strict=True))
-    return angles

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from numba import njit
-
-from gridfold.dynamics.blocks import clip, held, lag
+from gridfold.dynamics.blocks import clip, dead_band_between, held, lag
 from gridfold.dynamics.checks import checks
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Side, limits
 from gridfold.dynamics.governors import hygov
@@ -40,12 +38,6 @@ PARAMETERS = (
 DYR_COLUMNS: tuple[str | None, ...] = tuple(p.name for p in PARAMETERS[:-1])
 
 
-@njit
-def beyond(slip, lowest, highest):
-    """What exceeds a dead band."""
-    return slip - clip(slip, lowest, highest)
-
-
 def output(x, u, p, y, dx):
     """Mechanical power on the system base."""
     for i in range(x.shape[1]):
@@ -58,7 +50,7 @@ def derivative(x, u, p, y, dx):
     """Dead band, governor, gate and water column."""
     for i in range(x.shape[1]):
         desired = clip(x[DESIRED, i], p[GMIN, i], p[GMAX, i])
-        seen = beyond(u[OMEGA, i] - 1, p[DBL, i], p[DBH, i])
+        seen = dead_band_between(u[OMEGA, i] - 1, p[DBL, i], p[DBH, i])
         error = p[PREF, i] - seen - p[R, i] * desired
         filtered, dx[FILTER, i] = lag(error, x[FILTER, i], p[TF, i])
         wanted = (dx[FILTER, i] + filtered / p[TR, i]) / p[TEMPORARY, i]

@@ -66,15 +66,15 @@ def compile_with_loads(
 def norton_currents(
     power_flow: PowerFlowResult, injections: Injections, terminals: tuple[int, ...]
 ) -> NDArray[np.complex128]:
-    """Norton currents of the machines at the operating point, by terminal, (n_terminals,)."""
+    """Norton currents of all sources at the operating point, by terminal, (n_terminals,)."""
     case = power_flow.case
     place = {bus: k for k, bus in enumerate(terminals)}
     currents = np.zeros(len(terminals), dtype=np.complex128)
     for generator, power in zip(case.generators, power_flow.unit_power, strict=True):
-        if generator.key in injections.machine:
+        if generator.in_service and generator.key not in injections.negative_load:
             voltage = power_flow.voltage[case.bus_index[generator.bus]]
-            norton = np.conj(power / voltage) + injections.machine[generator.key] * voltage
-            currents[place[generator.bus]] += norton
+            own = injections.machine.get(generator.key, 0.0)
+            currents[place[generator.bus]] += np.conj(power / voltage) + own * voltage
     return currents
 
 

@@ -1,0 +1,1 @@
+"""Converters and what controls them, one file each."""
