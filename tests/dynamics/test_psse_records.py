@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 import gridfold as gf
-from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
+from gridfold.dynamics.own_models import answering
+from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.typical_data import TYPICAL, hydro_settings
@@ -456,7 +457,7 @@ def test_device_models_of_the_user_count_as_supported(case):
 
 
 def test_the_table_of_names_agrees_with_the_models_that_gridfold_has():
-    supported = psse_devices(DEVICES)
+    supported = answering(DEVICES)
     assert {name: kind_of(name, {}) for name in supported} == {
         name: kind_of(name, supported) for name in supported
     }

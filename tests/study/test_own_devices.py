@@ -15,10 +15,10 @@ import gridfold as gf
 from gridfold.dynamics.registry import DEVICES
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.code_files import package_digest, read_code
+from gridfold.runs.own_code import run_code
+from gridfold.runs.own_devices import devices_in, read_devices
 from gridfold.study import engine
 from gridfold.study.named_files import read_named
-from gridfold.study.own_code import run_code
-from gridfold.study.own_devices import load_devices, read_devices
 from gridfold.study.prepare import prepare
 from gridfold.study.study_file import parse_study
 
@@ -155,7 +155,7 @@ def test_code_that_does_not_give_devices_is_an_error_with_file_and_line(
     device(tmp_path / "unseen_by_anyone.py", "")
     before = set(sys.modules)
     with pytest.raises(gf.OptionError, match=message):
-        load_devices(read_devices([device(tmp_path / "mine.py", text)]))
+        devices_in(read_devices([device(tmp_path / "mine.py", text)]))
     sys.modules.pop("unseen_by_anyone", None)
     left = {name for name in set(sys.modules) - before if name.startswith("gridfold_own")}
     assert {name.partition(".")[2] for name in left} <= {"mine"}, "only what ran to its end"
@@ -175,7 +175,7 @@ def test_what_a_function_of_a_device_raises_is_an_error_with_file_and_line(here,
     text = exciter.read_text()
     exciter.write_text(text.replace("    role=", f"    check=lambda p: {call},\n    role="))
     line = exciter.read_text().splitlines().index(f"    check=lambda p: {call},") + 1
-    with pytest.raises(gf.OptionError, match=rf"my_exciter\.py:{line}: .*{told}"):
+    with pytest.raises(gf.DeviceError, match=rf"my_exciter\.py:{line}: .*{told}"):
         run(here)
 
 
@@ -183,7 +183,7 @@ def test_code_runs_from_what_was_read_and_not_from_the_disk(here):
     named = read_named(parse_study(STUDY), here)
     for file in ("my_exciter.py", "helpers/law.py", "helpers/ceiling.py"):
         (here / file).write_text("raise RuntimeError('from the disk')")
-    own = load_devices(pickle.loads(pickle.dumps(named)).own_code)
+    own = devices_in(pickle.loads(pickle.dumps(named)).own_code)
     assert set(own) - set(DEVICES) == {"my_exciter"}
     assert run_code(named.own_code[0]).LIMIT == 1.0
 

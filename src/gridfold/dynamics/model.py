@@ -30,6 +30,8 @@ from gridfold.dynamics.network.loads import (
     closed_with_loads,
     nonlinear_loads,
 )
+from gridfold.dynamics.own_kernels import try_once
+from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
@@ -295,7 +297,7 @@ def build_model(
     case: Case,
     power_flow: PowerFlowResult | None = None,
     backend: NetworkBackend = NetworkBackend.AUTO,
-    devices: Mapping[str, Device] = DEVICES,
+    devices: Devices = DEVICES,
     on_limit: OnLimit = OnLimit.ERROR,
     loads: LoadModel | None = None,
 ) -> DetailedModel:
@@ -309,8 +311,10 @@ def build_model(
         Its solution; solved here if not given.
     backend : NetworkBackend
         How the network equations are solved.
-    devices : mapping
-        Device models by name; pass your own beside ``DEVICES`` to use them.
+    devices : Device, iterable of Device, or mapping
+        Device models of your own beside those of the package (:func:`gridfold.load_devices` reads
+        them from files), or all models by name. The kernels of one that is none of the package's are
+        tried once in plain Python before they are compiled.
     on_limit : OnLimit
         What to do where the operating point is beyond a limit of a device; limits that are moved are
         told in `warnings`.
@@ -325,12 +329,15 @@ def build_model(
         The power flow has no solution.
     InitializationError
         A device has no equilibrium there, or is beyond a limit: names device and equation.
+    DeviceError
+        A device model of your own is wrong: names file, device, kernel and row.
 
-    The last two name data that are hardly meant beside.
+    Those of power flow and start name data that are hardly meant beside.
     """
-    with naming_doubts(case, devices):
+    models = device_models(devices)
+    with telling_own_errors(models.values()), naming_doubts(case, models):
         solved = solve_power_flow(case) if power_flow is None else power_flow
-        return _built(solved, backend, devices, on_limit, loads or LoadModel())
+        return _built(solved, backend, models, on_limit, loads or LoadModel())
 
 
 def _built(
@@ -343,7 +350,10 @@ def _built(
     case = solved.case
     nonlinear = nonlinear_loads(solved, loads)
     ports = () if nonlinear is None else nonlinear.buses
-    layout = build_layout(assemble(case, devices), ports)
+    groups = assemble(case, devices)
+    for device, _, parameters in groups:
+        try_once(device, parameters)
+    layout = build_layout(groups, ports)
     start = initialize(layout, solved, on_limit)
     injections = _injections(solved, start.layout, nonlinear)
     state = initial_state(case)

@@ -10,7 +10,7 @@ import builtins
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from importlib.util import resolve_name
 from threading import RLock
 from types import ModuleType, TracebackType
@@ -41,7 +41,8 @@ def run_code(code: Code) -> ModuleType:
 def _run(code: Code) -> ModuleType:
     before, modules = set(sys.modules), _Modules(code)
     try:
-        with _no_way_out():
+        # What it prints must not get into results that go to standard output.
+        with _no_way_out(), redirect_stdout(sys.stderr):
             module = modules.get(code.files[0].module)
     except KeyboardInterrupt:
         raise
