@@ -53,7 +53,9 @@ def here(tmp_path):
     (folder / "helpers" / "__init__.py").touch()
     (folder / "helpers" / "law.py").write_text("from .ceiling import LIMIT\n")
     (folder / "helpers" / "ceiling.py").write_text("LIMIT = 1.0\n")
-    exciter.write_text(text.replace("\nTR, KP", "\nfrom helpers.law import LIMIT\n\nTR, KP", 1))
+    exciter.write_text(
+        text.replace("\nPARAMETERS", "\nfrom helpers.law import LIMIT\n\nPARAMETERS", 1)
+    )
     (folder / "faults.csv").write_text("name,kind,bus,duration\ntwo,bus-fault,2,0.05\n")
     return folder
 
@@ -279,7 +281,9 @@ def test_a_run_tells_the_code_of_devices_that_are_not_the_packages(here):
         (here / "my_exciter.py").touch()
         text = (here / "my_exciter.py").read_text()
         if "LIMIT *" not in text:
-            (here / "my_exciter.py").write_text(text.replace("= p[KI, i]", "= LIMIT * p[KI, i]"))
+            (here / "my_exciter.py").write_text(
+                text.replace("= p[P.integral", "= LIMIT * p[P.integral")
+            )
         named = read_named(study, here)
         model = prepare(engine.do_offline_work(study, named)[0]).model
         run = gf.simulate(model, [gf.BusFault(1, duration=0.05)], 0.1)

@@ -243,8 +243,15 @@ def telling_own_errors(devices: Iterable[Device]) -> Iterator[None]:
         if found is None:
             raise
         place, device = found
-        what = f"{type(error).__name__}: {error}"
-        raise DeviceError(f"{place}: device {device.model}: {what}") from error
+        raise DeviceError(f"{place}: device {device.model}: {told(error)}") from error
+
+
+def told(error: BaseException) -> str:
+    """An exception in a line of words."""
+    if isinstance(error, SystemExit):
+        return f"the code of a device model asks to end the program (exit code {error.code!r})"
+    what = error.msg if isinstance(error, SyntaxError) else error
+    return f"{type(error).__name__}: {what}"
 
 
 def _origin(error: BaseException, own: list[Device]) -> tuple[str, Device] | None:

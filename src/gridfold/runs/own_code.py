@@ -16,6 +16,7 @@ from threading import RLock
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
+from gridfold.dynamics.own_models import told
 from gridfold.errors import OptionError
 from gridfold.numerics.code_files import CODE, Code, is_installed, package_name
 
@@ -90,14 +91,6 @@ def place_in(code: Code, error: BaseException) -> str:
             place = f"{path}:{trace.tb_lineno}"
         trace = trace.tb_next
     return place
-
-
-def told(error: BaseException) -> str:
-    """An exception in a line of words."""
-    if isinstance(error, SystemExit):
-        return f"the code of a device model asks to end the program (exit code {error.code!r})"
-    what = error.msg if isinstance(error, SyntaxError) else error
-    return f"{type(error).__name__}: {what}"
 
 
 class _Modules:

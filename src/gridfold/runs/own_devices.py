@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gridfold.dynamics.device import Device
-from gridfold.dynamics.own_models import device_models, is_own
+from gridfold.dynamics.own_models import device_models, is_own, told
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import OptionError
 from gridfold.numerics.code_files import Code, read_code
-from gridfold.runs.own_code import run_code, told
+from gridfold.runs.own_code import run_code
 
 
 def read_devices(files: Sequence[Path]) -> tuple[Code, ...]:
