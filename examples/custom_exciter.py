@@ -22,7 +22,9 @@ def derivative(x, u, p, y, dx):
     """Amplify the voltage error; column i is one unit."""
     for i in range(x.shape[1]):
         error = p[P.voltage_reference, i] - u[U.terminal_voltage, i] + u[U.stabilizer_signal, i]
-        dx[X.field_voltage, i] = (p[P.gain, i] * error - x[X.field_voltage, i]) / p[P.time_constant, i]
+        dx[X.field_voltage, i] = (p[P.gain, i] * error - x[X.field_voltage, i]) / p[
+            P.time_constant, i
+        ]
 
 
 SIMPLE_EXCITER = Device(

@@ -241,11 +241,12 @@ def kernel_place(kernel: Callable[..., Any]) -> str:
 
 def _line(kernel: Callable[..., Any], error: BaseException) -> str:
     """File and line of a user's own from which an error came, ``"FILE:LINE: "``."""
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if _is_own(f.filename)]
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if is_own_file(f.filename)]
     return f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else f"{kernel_place(kernel)}: "
 
 
-def _is_own(file: str) -> bool:
+def is_own_file(file: str) -> bool:
+    """Whether a file is neither one of this package nor of an installed one."""
     return not is_installed(file) and PACKAGE not in Path(file).resolve().parents
 
 

@@ -137,6 +137,12 @@ class DetailedModel:
         return float(np.abs(self.compiled(self.x0)).max(initial=0.0))
 
     @property
+    def own_devices(self) -> dict[str, str]:
+        """SHA-256 of the code of each device model that is none of the package's, by its name."""
+        devices = (block.device for block in self.layout.blocks)
+        return {d.model: digest for d in devices if (digest := d.own_digest) is not None}
+
+    @property
     def limits_moved(self) -> tuple[str, ...]:
         """Limits of devices that were moved to the start, in words."""
         moved = (line for line in self.warnings if line.startswith(_LIMIT_MOVED))
