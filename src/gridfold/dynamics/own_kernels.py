@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,14 +149,22 @@ def compile_faults(device: Device) -> Iterator[str]:
                 compiled_kernel(kernel, is_complex)
             except NumbaError as error:
                 text = _COLOUR.sub("", str(error))
-                places = [f"{file}:{line}" for file, line in _LINE.findall(text)]
-                place = places[-1] if places else kernel_place(kernel)
                 numbers = "complex" if is_complex else "real"
                 yield (
-                    f"{place}: device {device.model}, {stage} kernel: it cannot be compiled for "
-                    f"{numbers} numbers: {_reason(text)}"
+                    f"{_numba_place(kernel, text)}: device {device.model}, {stage} kernel: "
+                    f"it cannot be compiled for {numbers} numbers: {_reason(text)}"
                 )
                 break
+
+
+def _numba_place(kernel: Kernel, text: str) -> str:
+    """File and line that Numba's message names; its files are named from the folder at hand."""
+    places = _LINE.findall(text)
+    if not places:
+        return kernel_place(kernel)
+    file, line = places[-1]
+    here = kernel.__code__.co_filename
+    return f"{here if Path(file).resolve() == Path(here).resolve() else file}:{line}"
 
 
 def _reason(text: str) -> str:

@@ -59,7 +59,8 @@ NO_DATA = "no dynamic data"
 _NEGATIVE_LOAD = "negative load"
 _REPLACE = (
     '--unsupported classical (unsupported="classical") replaces machines by GENCLS and converters by '
-    "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads"
+    "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads; "
+    "--devices FILE.py (devices=) gives models of your own"
 )
 _ABSORB = (
     '--no-data negative-load (without_data="negative_load") makes generators without a machine '
@@ -156,7 +157,7 @@ def device_records(
         role and, unless asked for something else, every unsupported model with its count and every
         generator without data, with the records that name no unit, which may be why.
     """
-    records = _sort(case, _with_user_written(data, devices), answering(devices))
+    records = _sort(case, with_user_written(data, devices), answering(devices))
     units = _Units(case, records, devices, unsupported)
     faults = list(records.role_faults())
     advice: list[str] = []
@@ -272,8 +273,8 @@ def why_unplaced(case: Case, unit: UnitKey) -> str:
     return f"bus {unit.bus} has no unit {unit.id!r}, but {listed}"
 
 
-def _with_user_written(data: DynamicData, devices: Mapping[str, Device]) -> DynamicData:
-    """The same data with the user-written records that there is a device for among the others."""
+def with_user_written(data: DynamicData, devices: Mapping[str, Device]) -> DynamicData:
+    """The same data, with the user-written records that own `devices` answer among the others."""
     known = answering_user_written(devices)
     found = [item.user_written for item in data.skipped if item.user_written is not None]
     taken = [record for record in found if record.model in known]

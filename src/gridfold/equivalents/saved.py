@@ -157,7 +157,7 @@ def _check_case(header: Mapping[str, Any], model: DetailedModel, path: Path) -> 
         if now.get(name) != digest:
             raise OptionError(
                 f"{path}: the reduced model was made with another device model {name} of your own: "
-                f"sha256 {digest[:16]}, here {now.get(name, 'none')[:16]}"
+                f"sha256 {str(digest)[:16]}, here {now.get(name, 'none')[:16]}"
             )
     loads = header.get("load_model", LoadModel().text)
     if loads != model.loads.text:

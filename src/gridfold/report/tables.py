@@ -115,7 +115,7 @@ def device_table(models: Sequence[ModelCount]) -> PlainTable:
     table.add_column("records", justify="right")
     table.add_column("in gridfold")
     for item in models:
-        known = "yes" if item.implemented else "no"
+        known = "your own" if item.own else "yes" if item.implemented else "no"
         style = None if item.implemented else "yellow"
         table.add_row(item.model, item.kind, str(item.records), known, style=style)
     return table

@@ -12,10 +12,10 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
-from gridfold.dynamics.own_models import answering, answering_user_written
+from gridfold.dynamics.own_models import answering, is_own
 from gridfold.dynamics.plausible import case_doubts, model_doubts
 from gridfold.dynamics.psse_models import kind_of
-from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.dynamics.psse_records import Unsupported, WithoutData, with_user_written
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import CaseError, InitializationError, PowerFlowError
 from gridfold.grid.case import Branch, Case
@@ -31,12 +31,16 @@ from gridfold.runs.unstable_start import with_start_checked
 
 
 class ModelCount(NamedTuple):
-    """Records of one model in dynamic data: name, what it is, how many, whether gridfold has it."""
+    """Records of one model in dynamic data: name, what it is, how many, whether there is a model.
+
+    `own` tells whether that is one of the user's own.
+    """
 
     model: str
     kind: str
     records: int
     implemented: bool
+    own: bool = False
 
 
 class AreaTie(NamedTuple):
@@ -105,7 +109,7 @@ def examine_files(
         flow, trouble = _flow(case)
         basis = basis_of_case(case, loads, _doubts(case, flow, devices), flow=flow)
         return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
-    data = read_dyr(dyr)
+    data = with_user_written(read_dyr(dyr), devices)
     models = _counts(data, devices)
     try:
         case = with_devices(case, data, unsupported, without_data, devices)
@@ -137,7 +141,10 @@ def examine_case(
     """The same of a case that is loaded; raises as :func:`gridfold.build_model`."""
     model = with_start_checked(build_model(case, loads=loads, on_limit=on_limit, devices=devices))
     counts = Counter(record.model for record in case.devices)
-    models = tuple(ModelCount(name, _role(name, devices), n, True) for name, n in counts.items())
+    models = tuple(
+        ModelCount(name, _role(name, devices), n, True, name in devices and is_own(devices[name]))
+        for name, n in counts.items()
+    )
     return CaseInfo(case, basis_of(model), models, power_flow=model.power_flow, model=model)
 
 
@@ -170,11 +177,10 @@ def _doubts(
 
 
 def _counts(data: DynamicData, devices: Mapping[str, Device]) -> tuple[ModelCount, ...]:
-    known, own = answering(devices), answering_user_written(devices)
-    written = (item.user_written for item in data.skipped if item.user_written is not None)
-    taken = [record.model for record in written if record.model in own]
-    counts = Counter([*(record.model for record in data.records), *taken])
+    known = answering(devices)
+    own = {name for name, device in known.items() if is_own(device)}
+    counts = Counter(record.model for record in data.records)
     return tuple(
-        ModelCount(model, kind_of(model, known).value, count, model in known)
+        ModelCount(model, kind_of(model, known).value, count, model in known, model in own)
         for model, count in counts.items()
     )

@@ -67,10 +67,13 @@ def load_devices(*files: str | Path) -> Mapping[str, Device]:
 
 def devices_in(codes: Sequence[Code]) -> Mapping[str, Device]:
     """The same of code that has been read."""
-    own = [device for code in codes for device in own_devices_in(code)]
-    kept: dict[tuple[str, str | None], Device] = {}
-    unlike = [d for d in own if kept.setdefault((d.model, d.own_digest), d) is d]
-    return device_models(unlike) if own else DEVICES
+    own: list[Device] = []
+    first: dict[tuple[str, str | None], Code] = {}
+    for code in codes:
+        devices = own_devices_in(code)
+        # A model of a file that several files import is one model.
+        own += [d for d in devices if first.setdefault((d.model, d.file), code) is code]
+    return device_models(own) if own else DEVICES
 
 
 def own_devices_in(code: Code) -> tuple[Device, ...]:
