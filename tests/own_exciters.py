@@ -88,3 +88,24 @@ def line_of(path: Path, text: str) -> int:
     """The line in which a text stands first."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return next(k for k, line in enumerate(lines, start=1) if text in line)
+
+
+_EXAMPLE = Path(__file__).parents[1] / "examples" / "psse_study"
+RAW = _EXAMPLE / "two_areas.raw"
+_SEXS = """{bus} 'SEXS'   1     0.10000      10.000       50.000      0.50000E-01
+          0.0000       5.0000    /"""
+#: The record in its two forms.
+PLAIN = "{bus} 'MYAVR' 1  2 0.02 50.0 0.05 -20.0 20.0 /"
+USER_WRITTEN = "{bus} 'USRMDL' 1 'MYAVR' 4 0 1 5 2 0  2 0.02 50.0 0.05 -20.0 20.0 /"
+
+
+def own_dyr(folder: Path, at_12: str = PLAIN, at_22: str = USER_WRITTEN) -> Path:
+    """Dynamic data for :data:`RAW` with these records in place of the SEXS of 12:1 and 22:1."""
+    text = (_EXAMPLE / "two_areas.dyr").read_text(encoding="utf-8")
+    for bus, record in ((12, at_12), (22, at_22)):
+        before = _SEXS.format(bus=bus)
+        assert before in text
+        text = text.replace(before, record.format(bus=bus))
+    path = folder / "own.dyr"
+    path.write_text(text, encoding="utf-8")
+    return path

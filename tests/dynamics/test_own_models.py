@@ -78,7 +78,7 @@ WRONG = {
     "icons": ({"psse_icons": 2}, "it has 2 ICONs among the 1 of its record"),
     "start": ({"targets": ()}, "it has 0 targets for 1 set points and solved inputs"),
     "no kernel": ({"derivative": None}, "it has states, but no derivative kernel"),
-    "output kernel": ({"output": rate}, "it has no outputs, but an output kernel"),
+    "output kernel": ({"output": rate}, "it has a kernel for its outputs, but no outputs"),
     "arguments": ({"derivative": lambda x, u: None}, "its derivative kernel takes 2 arguments"),
     "decorated": ({"derivative": print}, "its derivative kernel is no plain function"),
     "machine": ({"role": Role.MACHINE}, "a machine needs two sources"),
@@ -147,9 +147,22 @@ def test_positions_are_numbers_by_name_in_order():
     rows = positions(Parameter("gain", "K", "-"), "reference", "base_speed")
     assert tuple(rows) == (0, 1, 2)
     assert (rows.gain, rows.reference, rows.base_speed) == (0, 1, 2)
-    for names, told in (
-        (("a", "a"), "more than once: 'a', 'a'"),
-        (("TA/TB",), "no name of a row: 'TA/TB'"),
-    ):
-        with pytest.raises(gf.DeviceError, match=told):
-            positions(*names)
+    with pytest.raises(gf.DeviceError, match="more than once: 'a', 'a'"):
+        positions("a", "a")
+    with pytest.raises(gf.DeviceError, match="no name of a row: 'TA/TB'"):
+        positions("TA/TB")
+
+
+def test_rows_in_another_order_are_other_code(tmp_path):
+    """Else compiled code of before, with the rows as they were, would be taken from the disk."""
+    swapped = ('STATES = ("measured", "amplifier")', 'STATES = ("amplifier", "measured")')
+    one = gf.load_devices(own_file(tmp_path))["mine"]
+    other = gf.load_devices(own_file(tmp_path, swapped, name="other.py"))["mine"]
+    assert one.own_digest != other.own_digest
+
+
+def test_where_a_file_lies_and_its_comments_do_not_count(tmp_path):
+    one = gf.load_devices(own_file(tmp_path))["mine"]
+    commented = ("PARAMETERS = (\n", "# a comment\nPARAMETERS = (\n")
+    other = gf.load_devices(own_file(tmp_path, commented, name="other.py"))["mine"]
+    assert one.own_digest == other.own_digest

@@ -198,14 +198,14 @@ def _form_faults(device: Device) -> Iterator[str]:
 def _kernel_faults(device: Device) -> Iterator[str]:
     """Kernels and rows that do not go together."""
     for rows, kernel, what in (
-        (device.states, device.derivative, "states, but no derivative kernel"),
-        (device.outputs, device.output, "outputs, but no output kernel"),
-        (device.sources, device.source, "sources, but no source kernel"),
+        (device.states, device.derivative, ("states", "derivative")),
+        (device.outputs, device.output, ("outputs", "output")),
+        (device.sources, device.source, ("sources", "source")),
     ):
         if rows and kernel is None:
-            yield f"it has {what}"
+            yield f"it has {what[0]}, but no {what[1]} kernel"
         if kernel is not None and not rows:
-            yield f"it has no {what.replace('but no', 'but a')}"
+            yield f"it has a kernel for its {what[0]}, but no {what[0]}"
     if device.role is Role.MACHINE:
         if len(device.sources) < 2 or device.admittance is None:
             yield "a machine needs two sources (its Norton current) and an admittance"

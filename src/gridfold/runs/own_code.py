@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
+from hashlib import sha256
 from importlib.util import resolve_name
 from threading import RLock
 from types import ModuleType, TracebackType
@@ -20,7 +21,7 @@ from gridfold.dynamics.own_models import told
 from gridfold.errors import OptionError
 from gridfold.numerics.code_files import CODE, Code, is_installed, package_name
 
-_ready: dict[str, ModuleType] = {}
+_ready: dict[tuple[str, str], ModuleType] = {}
 _lock = RLock()
 
 
@@ -33,10 +34,11 @@ def run_code(code: Code) -> ModuleType:
         It raises an exception or asks to end the program, with file and line; or it imports a file in
         another way than by an import statement.
     """
+    key = code.path, code.digest
     with _lock:
-        if code.digest not in _ready:
-            _ready[code.digest] = _run(code)
-        return _ready[code.digest]
+        if key not in _ready:
+            _ready[key] = _run(code)
+        return _ready[key]
 
 
 def _run(code: Code) -> ModuleType:
@@ -98,7 +100,8 @@ class _Modules:
 
     def __init__(self, code: Code):
         self.code = code
-        self.prefix = f"gridfold_own_{code.digest[:16]}"
+        known = sha256(f"{code.path}\0{code.digest}".encode()).hexdigest()
+        self.prefix = f"gridfold_own_{known[:16]}"
         self.files = {file.module: file for file in code.files}
         self.around = {
             name.rsplit(".", k)[0] for name in self.files for k in range(1, name.count(".") + 1)
