@@ -120,6 +120,9 @@ def _findings(device: Device, values: Mapping[str, float]) -> Iterator[Finding]:
     except GridfoldError as error:
         yield Finding("start", False, str(error).splitlines()[0])
         return
+    if not model.n_states:
+        yield Finding("start, Jacobian", None, "no device of the case has a state")
+        return
     yield _start(model)
     yield _jacobian(model)
     yield from _limits(device, model)

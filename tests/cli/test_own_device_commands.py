@@ -1,0 +1,149 @@
+"""Device models of a user's own on the command line: check-device, and --devices of every command."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import pytest
+from own_exciters import PLAIN, RAW, line_of, own_dyr, own_file
+
+
+def squeezed(text):
+    """Text without any space: the terminal may break a long path anywhere."""
+    return "".join(text.split())
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A sound exciter, dynamic data that name it, a fault of one bus as a study."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    own_file(tmp_path)
+    own_dyr(tmp_path, PLAIN, PLAIN)
+    (tmp_path / "grid.raw").write_bytes(RAW.read_bytes())
+    (tmp_path / "study.toml").write_text(
+        'schema = 1\nname = "own"\n[case]\nsource = "grid.raw"\ndyr = "own.dyr"\n'
+        '[study_area]\nareas = "1"\n[contingencies]\nbus_faults = "13"\nclearing_time = 0.05\n'
+        '[model]\nkind = "detailed"\n[run]\nt_end = 0.2\n'
+    )
+    return tmp_path
+
+
+def test_check_device_prints_what_it_found(command, files):
+    code, out, _ = command(
+        "check-device", "mine.py", "--record", "2 0.02 50 0.05 -20 20", "--set", "TA=0.1"
+    )
+    assert code == 0
+    assert "MYAVR: M TR KA TA VMIN VMAX" in out
+    assert squeezed("M 2, TR 0.02, KA 50, TA 0.1, VMIN -20, VMAX 20") in squeezed(out)
+    assert "FAULT" not in out
+    assert "Jacobian" in out
+
+
+def test_check_device_has_a_record_for_programs_and_ends_with_2_at_a_fault(command, files):
+    path = own_file(files, ("dx[X.measured, i] = lag(", "dx[4, i] = lag("), name="spoilt.py")
+    code, out, _ = command("check-device", "spoilt.py", "--name", "mine", "--json", "-")
+    assert code == 2
+    (record,) = json.loads(out)
+    (finding,) = record["findings"]
+    assert (record["device"], record["passed"], finding["passed"]) == ("mine", False, False)
+    assert finding["text"].startswith(f"{path}:{line_of(path, 'dx[4, i]')}: device mine")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("gone.py",), "gone.py: there is no such Python file"),
+        (("mine.py", "--name", "yours"), "mine.py has no device model 'yours'; there are mine"),
+        (("mine.py", "--set", "KB=1"), "mine has no parameter 'KB'"),
+        (("mine.py", "--set", "KA"), "--set KA: write NAME=VALUE"),
+        (("mine.py", "--set", "KA=nan"), "--set: 'nan' is not a number"),
+        (("mine.py", "--record", "1 2 3 4 5 6 7"), "--record has 7 values; a record of mine has 6"),
+        (("own.dyr",), "own.dyr:1: SyntaxError"),
+    ],
+)
+def test_bad_input_of_check_device_is_told(command, files, arguments, words):
+    code, _, err = command("check-device", *arguments)
+    assert (code, squeezed(words) in squeezed(err)) == (2, True), err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("info",),
+        ("simulate", "--fault-bus", "13", "--t-end", "0.2"),
+        ("eigenvalues",),
+        ("partition", "--study-areas", "1"),
+        ("reduce", "--study-areas", "1", "--retain", "0", "--save", "small.npz"),
+        ("cct", "--buses", "13", "--t-end", "0.5", "--longest", "0.2", "--resolution", "0.1"),
+    ],
+)
+def test_every_command_that_loads_a_case_takes_own_devices(command, files, arguments):
+    name, *rest = arguments
+    code, out, err = command(name, "grid.raw", "own.dyr", *rest)
+    assert code == (0 if name == "info" else 2)
+    assert "MYAVR (exciter)" in out + err or "MYAVR (unknown)" in out + err
+    code, out, err = command(name, "grid.raw", "own.dyr", "--devices", "mine.py", *rest)
+    assert code == 0, err
+    assert squeezed(
+        f"device mine ({files / 'mine.py'}) is a model of your own: 2 units"
+    ) in squeezed(out)
+
+
+def test_what_an_own_file_prints_is_not_part_of_json(command, files):
+    own_file(files, ("PARAMETERS = (", "print('here')\nPARAMETERS = ("))
+    code, out, err = command("info", "grid.raw", "own.dyr", "--devices", "mine.py", "--json", "-")
+    assert (code, "here" in err) == (0, True)
+    assert {item["model"]: item["own"] for item in json.loads(out)["device_models"]}["MYAVR"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = (", "mine.py:1: SyntaxError"),
+        ("import nowhere", "mine.py:1: ModuleNotFoundError"),
+        ("1 / 0", "mine.py:1: ZeroDivisionError"),
+        (
+            "import sys; sys.exit(0)",
+            "mine.py:1: the code of a device model asks to end the program",
+        ),
+        ("x = 1", "mine.py: it defines no device model"),
+    ],
+)
+def test_a_file_that_gives_no_devices_is_bad_input(command, files, text, words):
+    (files / "mine.py").write_text(text)
+    code, _, err = command("simulate", "grid.raw", "own.dyr", "--devices", "mine.py")
+    assert (code, squeezed(words) in squeezed(err)) == (2, True), err
+
+
+def test_a_study_takes_own_devices_that_are_named_beside_it(command, files):
+    assert command("run", "study.toml")[0] == 2
+    code, _, err = command("run", "study.toml", "--devices", "mine.py")
+    assert code == 0, err
+    code, _, err = command("run", "study.toml", "--resume")
+    assert (code, "case.devices was ['mine.py'] and is []" in " ".join(err.split())) == (2, True)
+    assert command("run", "study.toml", "--resume", "--devices", "mine.py")[0] == 0
+    own_file(files, ("PARAMETERS = (", "# changed\nPARAMETERS = ("))
+    code, _, err = command("run", "study.toml", "--resume", "--devices", "mine.py")
+    assert (code, "mine.py: was sha256" in " ".join(err.split())) == (2, True)
+
+
+def test_a_file_that_is_named_is_trusted_and_no_other(command, files):
+    own_file(files, ('model="mine"', 'model="more"'), ('"MYAVR"', '"OTHER"'), name="more.py")
+    study = files / "study.toml"
+    study.write_text(
+        study.read_text().replace("[study_area]", 'devices = ["more.py"]\n[study_area]')
+    )
+    code, _, err = command("run", "study.toml", "--devices", "mine.py")
+    assert code == 2
+    assert squeezed(str(files / "more.py")) in squeezed(err)
+    assert squeezed(str(files / "mine.py")) not in squeezed(err)
+    assert command("run", "study.toml", "--devices", "mine.py", "--trust-devices")[0] == 0
+
+
+def test_init_names_own_devices_in_the_study(command, files):
+    (files / "sub").mkdir()
+    assert command("init", "sub/new.toml", "--devices", "mine.py")[0] == 0
+    study = tomllib.loads((files / "sub" / "new.toml").read_text())
+    assert study["case"]["devices"] == ["../mine.py"]
