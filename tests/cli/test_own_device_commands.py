@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import tomllib
+from pathlib import Path
+from shutil import copytree
 
+import numpy as np
+import pandas as pd
 import pytest
 from own_exciters import PLAIN, RAW, line_of, own_dyr, own_file
+
+import gridfold as gf
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def squeezed(text):
@@ -147,3 +157,41 @@ def test_init_names_own_devices_in_the_study(command, files):
     assert command("init", "sub/new.toml", "--devices", "mine.py")[0] == 0
     study = tomllib.loads((files / "sub" / "new.toml").read_text())
     assert study["case"]["devices"] == ["../mine.py"]
+
+
+@pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
+def test_the_guide_goes_from_files_to_a_picture(command, tmp_path, monkeypatch):
+    """Its commands and its Python run as printed, in a copy of the example."""
+    text = (ROOT / "docs" / "howto" / "own-device.md").read_text(encoding="utf-8")
+    copytree(ROOT / "examples" / "own_exciter_dyr", tmp_path / "example")
+    monkeypatch.chdir(tmp_path / "example")
+    blocks = re.findall(r"```bash\n(.*?)```", text, re.DOTALL)
+    commands = [shlex.split(line)[1:] for block in blocks for line in block.splitlines()]
+    assert [words[0] for words in commands] == ["check-device", "info", "simulate"]
+    for words in commands:
+        code, _, err = command(*words)
+        assert code == 0, err
+    assert (tmp_path / "example" / "run.png").stat().st_size > 20_000
+    table = pd.read_csv("run.csv", comment="#")
+    (python,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict = {}
+    exec(python, names)
+    assert names["run"].status is gf.Status.COMPLETED
+    again = pd.read_csv("run.csv", comment="#")
+    assert list(table.columns) == list(again.columns)
+    assert {"field_voltage:12:1", "field_voltage:22:1"} <= set(table.columns)
+    np.testing.assert_allclose(table.to_numpy(), again.to_numpy(), rtol=1e-6, atol=1e-9)
+    for text in ("12 'PIAVR'", "22 'USRMDL' 1 'PIAVR'"):
+        assert text in (tmp_path / "example" / "two_areas.dyr").read_text()
+
+
+def test_the_slip_that_the_guide_shows_is_what_is_said(command, tmp_path):
+    text = (ROOT / "docs" / "howto" / "own-device.md").read_text(encoding="utf-8")
+    shown = re.search(r"pi_exciter\.py:\d+: device pi_exciter, derivative kernel: .*", text)
+    source = (ROOT / "examples" / "own_exciter_dyr" / "pi_exciter.py").read_text(encoding="utf-8")
+    before = "dx[X.integral, i] = "
+    assert before in source
+    (tmp_path / "pi_exciter.py").write_text(source.replace(before, "dx[3, i] = "))
+    code, out, _ = command("check-device", tmp_path / "pi_exciter.py", "--json", "-")
+    (finding,) = json.loads(out)[0]["findings"]
+    assert (code, finding["text"]) == (2, f"{tmp_path}/{shown[0]}")
