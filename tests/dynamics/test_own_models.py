@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from own_exciters import own_file
+from device_alone import machine_with
+from own_exciters import RECORD, line_of, own_file
 
 import gridfold as gf
 from gridfold.dynamics.device import (
@@ -166,3 +167,51 @@ def test_where_a_file_lies_and_its_comments_do_not_count(tmp_path):
     commented = ("PARAMETERS = (\n", "# a comment\nPARAMETERS = (\n")
     other = gf.load_devices(own_file(tmp_path, commented, name="other.py"))["mine"]
     assert one.own_digest == other.own_digest
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "told"),
+    [
+        ("check", "lambda p: None", "its check gives None, not texts"),
+        ("check", "lambda p: 'wrong'", "its check gives 'wrong', not texts"),
+        ("check", "lambda p: p['gone']", "mine.py:{line}: device mine: KeyError: 'gone'"),
+        ("resolve", "lambda p, base: None", "its resolve gives None, not all parameters by name"),
+        ("resolve", "lambda p, base: {}", "its resolve gives {}, not all parameters by name"),
+        ("guess", "lambda p, known: None", "its guess gives None, not a mapping"),
+        ("guess", "lambda p, known: {'amplifier': [1, 2, 3]}", "not numbers of 1 units"),
+        ("guess", "lambda p, known: {'amplifier': 'x'}", "not numbers of 1 units"),
+    ],
+)
+def test_functions_that_give_something_else_are_told(tmp_path, field, text, told):
+    path = own_file(tmp_path, ("    role=", f"    {field}={text},\n    role="))
+    devices = gf.load_devices(path)
+    values = dict(zip(devices["mine"].psse_record, RECORD, strict=True))
+    with pytest.raises(gf.DeviceError) as raised:
+        gf.build_model(machine_with({"mine": values}), devices=devices)
+    assert told.replace("{line}", str(line_of(path, f"{field}="))) in str(raised.value)
+    assert str(path) in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("None", "not finite numbers"),
+        ("[1j] * 7", "not complex numbers"),
+        ("float('nan')", "not finite"),
+    ],
+)
+def test_an_admittance_that_is_none_is_told(given, told):
+    device = replace(DEVICES["classical"], model="mine", admittance=lambda p: eval(given))
+    with pytest.raises(gf.DeviceError, match=f"its admittance gives .*, {told}"):
+        gf.build_model(
+            replace(
+                case := machine_with({}),
+                devices=tuple(
+                    gf.DeviceRecord("mine", 1, "1", {"inertia": 3.0, "transient_reactance": 0.3})
+                    if record.model == "genrou"
+                    else record
+                    for record in case.devices
+                ),
+            ),
+            devices=device,
+        )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device_functions import parameter_faults
 from gridfold.dynamics.layout import Group
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
@@ -99,7 +100,7 @@ def _record_faults(device: Device, record: DeviceRecord, base_mva: float) -> Ite
         else:
             values[parameter.name] = value
     if sound:
-        yield from device.check(device.resolve(values, base_mva))
+        yield from parameter_faults(device, device.acting(values, base_mva))
 
 
 def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:

@@ -252,7 +252,15 @@ class Device:
         """Parameters of a unit as they act: with defaults, and resolved where none is missing."""
         values = {p.name: given.get(p.name, p.default) for p in self.parameters}
         known = {name: value for name, value in values.items() if value is not None}
-        return dict(self.resolve(known, base_mva)) if len(known) == len(values) else known
+        if len(known) < len(values):
+            return known
+        found = self.resolve(known, base_mva)
+        if not isinstance(found, Mapping) or not values.keys() <= found.keys():
+            raise DeviceError(
+                f"device {self.model} ({self.file}): its resolve gives {found!r}, not all parameters "
+                "by name"
+            )
+        return dict(found)
 
     @property
     def functions(self) -> dict[str, FunctionType]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
+from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
@@ -427,7 +428,7 @@ def _machine_admittances(layout: Layout) -> dict[UnitKey, complex]:
     for block in layout.blocks:
         if block.device.admittance is not None:
             rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
-            values = block.device.admittance(rows)
+            values = norton_admittance(block.device, rows, len(block.units))
             machine |= dict(zip(block.units, values.tolist(), strict=True))
     return machine
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import Bound, Device, Limit
+from gridfold.dynamics.device_functions import parameter_faults
 
 #: Ordinary points, and the units at each.
 ORDINARY, UNITS = 4, 3
@@ -85,7 +86,7 @@ def _other_parameters(device: Device, base: TrialPoint) -> Iterator[TrialPoint]:
         for value in values:
             tried = base.with_row("p", row, value)
             given = dict(zip((p.name for p in device.parameters), tried.p[:, 0], strict=False))
-            if not list(device.check(given)):
+            if not parameter_faults(device, given):
                 yield tried
 
 
