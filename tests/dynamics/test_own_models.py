@@ -70,7 +70,7 @@ WRONG = {
         "its states and outputs have field_voltage more than once",
     ),
     "targets": ({"targets": ("gone",)}, "its targets name 'gone'; there are field_voltage"),
-    "defaults": ({"defaults": {"gone": 0.0}}, "its defaults name 'gone'; there are terminal_voltage"),
+    "defaults": ({"defaults": {"gone": 0.0}}, "its defaults name 'gone'; there are field_voltage"),
     "limits": ({"limits": limits("low", "high")}, "its limits name 'low', 'high'; there are gain"),
     "limited state": ({"limits": limits("gain", "gain", "gone")}, "its limits name 'gone', 'gone'"),
     "record": ({"psse_record": ("gone",)}, "its psse_record name 'gone'; there are gain"),
@@ -84,6 +84,14 @@ WRONG = {
     "decorated": ({"derivative": print}, "its derivative kernel is no plain function"),
     "machine": ({"role": Role.MACHINE}, "a machine needs two sources"),
     "admittance": ({"admittance": lambda p: 1j}, "only a machine has a source and an admittance"),
+    "role's signal": (
+        {"states": ("voltage",), "targets": ("voltage",)},
+        "its role gives field_voltage, which is none of its states and outputs",
+    ),
+    "turbine": (
+        {"role": Role.TURBINE, "states": ("mechanical_power",), "targets": ("mechanical_power",)},
+        "give it the role of a governor",
+    ),
     "lacking": (
         {"parameters": (*MINE.parameters, Parameter("time", "T", "s"))},
         "its psse_record lacks time, which have no default",

@@ -68,7 +68,10 @@ def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
     for model, count in unknown.items():
         first = next(record for record in case.devices if record.model == model)
         known = ", ".join((*devices, NEGATIVE_LOAD))
-        yield f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}"
+        yield (
+            f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}; "
+            "--devices FILE.py (devices=) gives models of your own"
+        )
     bases = {generator.key: generator.base_mva for generator in case.generators}
     for record in case.devices:
         if record.model in devices:

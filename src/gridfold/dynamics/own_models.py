@@ -17,6 +17,12 @@ Devices = Mapping[str, Device] | Iterable[Device] | Device
 #: What a machine takes from the generator where its record lacks it.
 _FROM_GENERATOR = ("resistance", "reactance")
 _TUPLES = ("states", "inputs", "sources", "outputs", "set_points", "targets", "solved_inputs")
+#: What the other devices of a unit take from one of a role.
+_GIVES = {
+    Role.EXCITER: "field_voltage",
+    Role.STABILIZER: "stabilizer_signal",
+    Role.TURBINE: "mechanical_power",
+}
 _checked: dict[int, Device] = {}
 
 
@@ -146,7 +152,7 @@ def _faults(device: Device) -> Iterator[str]:
     for what, used, known in (
         ("targets", device.targets, signals),
         ("solved_inputs", device.solved_inputs, set(device.inputs)),
-        ("defaults", device.defaults, set(device.inputs)),
+        ("defaults", device.defaults, {*device.inputs, *device.targets}),
         ("limits", [limit.parameter for limit in device.limits], names),
         ("limits", [n for limit in device.limits if (n := limit.added_to)], names),
         ("limits", [n for limit in device.limits if (n := limit.state)], set(device.states)),
@@ -206,6 +212,9 @@ def _kernel_faults(device: Device) -> Iterator[str]:
             yield f"it has {what[0]}, but no {what[1]} kernel"
         if kernel is not None and not rows:
             yield f"it has a kernel for its {what[0]}, but no {what[0]}"
+    gives = _GIVES.get(device.role)
+    if gives and gives not in (*device.states, *device.signal_rows):
+        yield f"its role gives {gives}, which is none of its states and outputs"
     if device.role is Role.MACHINE:
         if len(device.sources) < 2 or device.admittance is None:
             yield "a machine needs two sources (its Norton current) and an admittance"
@@ -217,6 +226,8 @@ def _record_faults(device: Device, names: set[str]) -> Iterator[str]:
     record = [name for name in device.psse_record if name]
     if device.psse_names and not record:
         yield "it answers PSS/E records (psse_names), but has no psse_record that names their values"
+    if record and device.role is Role.TURBINE:
+        yield "records of PSS/E have turbines in their governors: give it the role of a governor"
     if len(set(record)) < len(record):
         yield "its psse_record has a name more than once"
     if not 0 <= device.psse_icons <= len(device.psse_record):

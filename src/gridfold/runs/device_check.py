@@ -129,7 +129,10 @@ def _findings(device: Device, values: Mapping[str, float]) -> Iterator[Finding]:
 
 
 def _lines_told(watch: LineWatch) -> str:
-    run, left = watch.total - len(watch.places), watch.places
+    left = watch.places
+    if not watch.total:
+        return "they keep to their rows"
+    run = watch.total - len(left)
     text = f"they keep to their rows; {run} of {watch.total} lines were run"
     if not left:
         return text
