@@ -154,3 +154,15 @@ def test_a_reduced_model_is_for_the_code_that_it_was_made_with(tmp_path):
     other = model(own_file(tmp_path, spoilt, name="other.py"))
     with pytest.raises(gf.OptionError, match="made with another device model mine of your own"):
         gf.load_reduced(path, other)
+
+
+def test_a_file_may_import_its_neighbours(tmp_path):
+    (tmp_path / "law").mkdir()
+    (tmp_path / "law" / "gain.py").write_text("GAIN = 3.0\n")
+    path = own_file(
+        tmp_path,
+        ("from numba", "from law.gain import GAIN\nfrom numba"),
+        ('Parameter("gain", "KA", "p.u.")', 'Parameter("gain", "KA", "p.u.", default=GAIN)'),
+    )
+    device = gf.load_devices(path)["mine"]
+    assert {p.name: p.default for p in device.parameters}["gain"] == 3.0

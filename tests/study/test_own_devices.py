@@ -10,6 +10,7 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from own_exciters import RAW, own_dyr, own_file
 
 import gridfold as gf
 from gridfold.dynamics.registry import DEVICES
@@ -327,3 +328,58 @@ def test_studies_with_other_code_have_other_tokens(here):
     (here / "helpers" / "ceiling.py").write_text("LIMIT = 2.0\n")
     second, _ = engine.do_offline_work(study, read_named(study, here))
     assert first.token != second.token
+
+
+@pytest.fixture
+def dyr_study(tmp_path):
+    """A study of PSS/E files with records of an exciter that a file gives, which tells when it runs."""
+    run = f"open({str(tmp_path / 'RAN')!r}, 'w').close()\nfrom numba"
+    own_file(tmp_path, ("from numba", run))
+    own_dyr(tmp_path)
+    (tmp_path / "grid.raw").write_bytes(RAW.read_bytes())
+    case = {"source": "grid.raw", "dyr": "own.dyr", "devices": ["mine.py"]}
+    fault = {"kind": "bus-fault", "bus": 13, "duration": 0.05}
+    return STUDY | {
+        "case": case,
+        "contingencies": {"machine_trips": "12,22"},
+        "contingency": [{"name": "one", "events": [fault]}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"study_area": {"buses": "9999"}}, "no bus 9999"),
+        ({"contingencies": {"csv": "gone.csv"}}, r"gone\.csv"),
+    ],
+)
+def test_all_else_is_checked_before_code_for_records_runs(tmp_path, dyr_study, change, message):
+    study = parse_study(dyr_study | change)
+    with pytest.raises(gf.GridfoldError, match=message):
+        gf.run_study(study, tmp_path / "o", folder=tmp_path, trust_devices=True)
+    assert not (tmp_path / "RAN").exists()
+
+
+def test_workers_know_the_models_of_records(tmp_path, dyr_study):
+    named = read_named(parse_study(dyr_study), tmp_path)
+    offline, contingencies = engine.do_offline_work(parse_study(dyr_study), named)
+    for file in ("mine.py", "own.dyr", "grid.raw"):
+        (tmp_path / file).unlink()
+    model = prepare(pickle.loads(pickle.dumps(offline))).model
+    assert model.own_devices.keys() == {"mine"}
+    assert {item.name for item in contingencies} == {"one", "machine 12:1", "machine 22:1"}
+
+
+def test_files_that_a_call_names_are_trusted_and_part_of_the_study(tmp_path, dyr_study):
+    del dyr_study["case"]["devices"]
+    study = parse_study(dyr_study)
+    with pytest.raises(gf.CaseError, match="MYAVR"):
+        gf.run_study(study, tmp_path / "o", folder=tmp_path)
+    mine = [tmp_path / "mine.py"]
+    outcome = gf.run_study(study, tmp_path / "o", folder=tmp_path, devices=mine, count=1)
+    assert (outcome.total, outcome.failed) == (3, 0)
+    with StudyStore.read(tmp_path / "o") as store:
+        assert store.identity["study"]["case"]["devices"] == ["mine.py"]
+        assert "mine.py" in store.identity["files"]
+        told = store.identity["settings"]["case_notices"]
+    assert f"device mine ({mine[0]}) is a model of your own: 2 units" in told
