@@ -195,3 +195,8 @@ def test_the_slip_that_the_guide_shows_is_what_is_said(command, tmp_path):
     code, out, _ = command("check-device", tmp_path / "pi_exciter.py", "--json", "-")
     (finding,) = json.loads(out)[0]["findings"]
     assert (code, finding["text"]) == (2, f"{tmp_path}/{shown[0]}")
+
+
+def test_a_file_whose_models_no_unit_has_is_told(command, files):
+    code, _, err = command("info", "npcc", "--devices", "mine.py", "--json", "-")
+    assert (code, "note: no unit of the case has mine (--devices)" in err) == (0, True)

@@ -188,3 +188,24 @@ def test_the_guard_of_compiled_kernels_is_for_those_of_others_alone():
     device = DEVICES["sexs"]
     assert device.role is Role.EXCITER
     assert "guarded" not in str(compiled_kernel(device.derivative)._sig)
+
+
+def test_a_kernel_that_does_not_end_is_told(tmp_path):
+    body = "while x[0, i].real < 1e9:\n            pass"
+    path = own_file(tmp_path, (RATE, body))
+    with pytest.raises(
+        gf.DeviceError, match=r"derivative kernel: it does not end within \d+ lines"
+    ):
+        model_with(path)
+
+
+def test_an_iteration_that_ends_at_ordinary_points_is_let_be(tmp_path):
+    body = f"while x[0, i].real > 10:\n            pass\n        {RATE}"
+    assert model_with(own_file(tmp_path, (RATE, body))).residual < 1e-8
+
+
+def test_what_a_kernel_prints_while_it_is_tried_is_not_shown(tmp_path, capsys):
+    device = gf.load_devices(own_file(tmp_path, (RATE, f"print(i)\n        {RATE}")))["mine"]
+    parameters = np.full((len(device.parameter_rows), 1), 1.0)
+    assert list(try_kernels(device, parameters)) == []
+    assert capsys.readouterr().out == ""

@@ -61,8 +61,9 @@ def test_what_is_no_device_is_refused_with_advice():
 
 WRONG = {
     "states": ({"states": "field_voltage"}, "its states are 'field_voltage', not a tuple of names"),
-    "model": ({"model": ""}, "its model is ''"),
-    "role": ({"role": "exciter"}, "its role is 'exciter'"),
+    "model": ({"model": ""}, "its model cannot be ''"),
+    "reserved": ({"model": "negative_load"}, "its model cannot be 'negative_load'"),
+    "role": ({"role": "exciter"}, "its role cannot be 'exciter'"),
     "parameters": ({"parameters": ("gain",)}, "its parameters are not a tuple of Parameter"),
     "twice": ({"inputs": ("terminal_voltage",) * 2}, "its inputs have terminal_voltage more than once"),
     "state and output": (

@@ -11,12 +11,14 @@ from typing import Annotated
 
 import typer
 
+from gridfold.cli.console import err
 from gridfold.cli.option_groups import given
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.dynamics.own_models import is_own
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.equivalents.choice import ReductionSettings, RetainSettings
 from gridfold.equivalents.families import COLUMN_NORM
@@ -184,14 +186,25 @@ class CaseOptions:
             on_limit=self.on_limit,
             loads=self.load_model,
         )
+        self._tell_unused(model)
         model = with_start_checked(model)
         if self.strict:
             refuse_doubtful_start(model.case, basis_of(model))
         return model
 
+    def _tell_unused(self, model: DetailedModel) -> None:
+        """Say so where no unit has a model of the files given."""
+        used = {block.device.model for block in model.layout.blocks}
+        own = [device for device in self.device_models.values() if is_own(device)]
+        if own and not any(device.model in used for device in own):
+            names = ", ".join(device.model for device in own)
+            err.print(f"note: no unit of the case has {names} (--devices)", style="yellow")
+
     def examine(self) -> CaseInfo:
         """The case as far as it goes."""
         found = self._examined()
+        if found.model is not None:
+            self._tell_unused(found.model)
         if self.strict:
             refuse_doubtful_start(found.case, found.basis)
         return found

@@ -159,6 +159,8 @@ def run_guarded(
         if isinstance(error, ArithmeticError) or "math domain" in str(error):
             raise NoNumberError(f"{_line(kernel, error)}{type(error).__name__}: {error}") from error
         raise SlipError(f"{_line(kernel, error)}{type(error).__name__}: {error}") from error
+    except NoNumberError:
+        raise
     except SlipError as error:
         raise SlipError(f"{_line(kernel, error)}{error}") from error
     except Exception as error:

@@ -1,4 +1,7 @@
-"""Which lines of kernels, and of what they call in a user's own files, have not run."""
+"""Which lines of kernels, and of what they call in a user's own files, have not run.
+
+No kernel runs on for ever while it is watched.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,10 @@ from contextlib import contextmanager
 from types import CodeType, FrameType, FunctionType
 from typing import Any
 
-from gridfold.dynamics.guarded import is_own_file
+from gridfold.dynamics.guarded import NoNumberError, is_own_file
+
+#: Lines that a kernel runs at one point, at most: what takes more is taken not to end.
+_LONGEST = 20_000
 
 
 class LineWatch:
@@ -19,11 +25,15 @@ class LineWatch:
         for function in functions:
             self._add(function)
         self.total = sum(map(len, self.left.values()))
+        self.now = 0
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Lines that run in the meantime count; a debugger is let go on afterwards."""
-        before = sys.gettrace()
+        """Lines that run in the meantime count; a debugger is let go on afterwards.
+
+        A :class:`NoNumberError` ends what runs more of them than any kernel has at one point.
+        """
+        before, self.now = sys.gettrace(), 0
         sys.settrace(self._enter)
         try:
             yield
@@ -53,4 +63,8 @@ class LineWatch:
     def _line(self, frame: FrameType, event: str, argument: Any) -> Any:
         if event == "line":
             self.left[frame.f_code].discard(frame.f_lineno)
+            self.now += 1
+            if self.now > _LONGEST:
+                place = f"{frame.f_code.co_filename}:{frame.f_lineno}"
+                raise NoNumberError(f"{place}: it does not end within {_LONGEST} lines")
         return self._line

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from gridfold.dynamics.guarded import (
     kernel_place,
     run_guarded,
 )
+from gridfold.dynamics.line_watch import LineWatch
 from gridfold.dynamics.trial_points import TrialPoint, trial_points
 from gridfold.errors import DeviceError
 
@@ -55,14 +58,19 @@ def try_once(device: Device, parameters: NDArray[np.float64]) -> None:
 
 
 def try_kernels(
-    device: Device, parameters: NDArray[np.float64], kernels: dict[str, Kernel] | None = None
+    device: Device,
+    parameters: NDArray[np.float64],
+    kernels: dict[str, Kernel] | None = None,
+    watch: LineWatch | None = None,
 ) -> Iterator[str]:
     """Faults of the kernels, each in one line, at :func:`trial_points` about `parameters`.
 
-    `kernels` are the interpreted ones, where the caller has them.
+    `kernels` are the interpreted ones, and `watch` what watches their lines, where the caller has them.
+    What a kernel prints is not shown.
     """
     stages = interpreted_kernels(device) if kernels is None else kernels
-    trials = {stage: _Trial(device, stage, kernel) for stage, kernel in stages.items()}
+    watch = LineWatch(stages.values()) if watch is None else watch
+    trials = {stage: _Trial(device, stage, kernel, watch) for stage, kernel in stages.items()}
     points = list(trial_points(device, parameters))
     for dtype in (np.float64, np.complex128):
         for point in points if dtype is np.float64 else points[:1]:
@@ -88,6 +96,7 @@ class _Trial:
     device: Device
     stage: str
     kernel: Kernel
+    watch: LineWatch
     slip: str = ""
     no_number: str = ""
     without_value: dict[str, int] = field(default_factory=dict)
@@ -95,15 +104,20 @@ class _Trial:
     failed: int = 0
 
     def take(self, point: TrialPoint, y: NDArray[Any], dtype: type) -> NDArray[Any]:
-        """Try a point, unless it has slipped; returns the outputs y with its own ones set."""
-        if self.slip:
+        """Try a point, unless it has slipped; returns the outputs y with its own ones set.
+
+        What has no value at any ordinary point is not tried elsewhere.
+        """
+        if self.slip or (self.ordinary == self.failed and not point.is_ordinary):
             return y
         given = {"x": point.x, "u": point.u, "p": point.p, "y": y}
         self.ordinary += point.is_ordinary
         try:
-            matrices = run_guarded(
-                self.device, self.stage, self.kernel, {k: m.astype(dtype) for k, m in given.items()}
-            )
+            typed: dict[str, NDArray[Any]] = {
+                name: rows.astype(dtype) for name, rows in given.items()
+            }
+            with self.watch.watching(), redirect_stdout(StringIO()):
+                matrices = run_guarded(self.device, self.stage, self.kernel, typed)
         except NoNumberError as error:
             self.no_number = self.no_number or str(error)
             self.failed += point.is_ordinary

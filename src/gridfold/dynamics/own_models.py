@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import FunctionType
 
 from gridfold.dynamics.device import Device, Limit, Parameter, Role
-from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import DeviceError, GridfoldError
 
 #: What stands for the models of a user's own: all models by name, or the own ones alone.
@@ -177,8 +177,8 @@ def _form_faults(device: Device) -> Iterator[str]:
     kind: type
     for field, kind in (("model", str), ("role", Role)):
         value = getattr(device, field)
-        if not isinstance(value, kind) or value == "":
-            yield f"its {field} is {value!r}"
+        if not isinstance(value, kind) or value in ("", NEGATIVE_LOAD):
+            yield f"its {field} cannot be {value!r}"
     texts = {name: getattr(device, name) for name in (*_TUPLES, "psse_names")}
     for field, value in texts.items():
         if not isinstance(value, tuple) or not all(isinstance(name, str) for name in value):
@@ -224,7 +224,7 @@ def _kernel_faults(device: Device) -> Iterator[str]:
 
 def _record_faults(device: Device, names: set[str]) -> Iterator[str]:
     record = [name for name in device.psse_record if name]
-    if device.psse_names and not record:
+    if device.psse_names and not record and device.parameters:
         yield "it answers PSS/E records (psse_names), but has no psse_record that names their values"
     if record and device.role is Role.TURBINE:
         yield "records of PSS/E have turbines in their governors: give it the role of a governor"

@@ -102,8 +102,7 @@ def _findings(device: Device, values: Mapping[str, float]) -> Iterator[Finding]:
     parameters = next(rows for model, _, rows in groups if model is device)
     kernels = interpreted_kernels(device)
     watch = LineWatch(kernels.values())
-    with watch.watching():
-        faults = list(try_kernels(device, parameters, kernels))
+    faults = list(try_kernels(device, parameters, kernels, watch))
     if faults:
         yield from (Finding("kernels in plain Python", False, fault) for fault in faults)
         return
