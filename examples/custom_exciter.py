@@ -7,29 +7,34 @@ It has one gain and one lag: TA dEfd/dt = KA (Vref - Vt + Vs) - Efd. Run it with
 from dataclasses import replace
 
 import gridfold as gf
-from gridfold.dynamics.device import Device, Parameter, Role
-from gridfold.dynamics.registry import DEVICES
+from gridfold.dynamics.device import Device, Parameter, Role, positions
 
-KA, TA, VREF, BASE_SPEED = range(4)  # rows of p: parameters, set points, base speed
-EFD = 0  # row of x
-VT, VS = range(2)  # rows of u
+PARAMETERS = (Parameter("gain", "KA", "p.u."), Parameter("time_constant", "TA", "s"))
+STATES = ("field_voltage",)
+INPUTS = ("terminal_voltage", "stabilizer_signal")
+
+P = positions(*PARAMETERS, "voltage_reference", "base_speed")  # rows of p
+X = positions(*STATES)
+U = positions(*INPUTS)
 
 
 def derivative(x, u, p, y, dx):
     """Amplify the voltage error; column i is one unit."""
     for i in range(x.shape[1]):
-        error = p[VREF, i] - u[VT, i] + u[VS, i]
-        dx[EFD, i] = (p[KA, i] * error - x[EFD, i]) / p[TA, i]
+        error = p[P.voltage_reference, i] - u[U.terminal_voltage, i] + u[U.stabilizer_signal, i]
+        dx[X.field_voltage, i] = (p[P.gain, i] * error - x[X.field_voltage, i]) / p[
+            P.time_constant, i
+        ]
 
 
 SIMPLE_EXCITER = Device(
     model="simple_exciter",
     title="first-order exciter",
     role=Role.EXCITER,
-    parameters=(Parameter("gain", "KA", "p.u."), Parameter("time_constant", "TA", "s")),
+    parameters=PARAMETERS,
     set_points=("voltage_reference",),
-    states=("field_voltage",),
-    inputs=("terminal_voltage", "stabilizer_signal"),
+    states=STATES,
+    inputs=INPUTS,
     derivative=derivative,
     targets=("field_voltage",),
     defaults={"stabilizer_signal": 0.0},
@@ -51,7 +56,7 @@ def with_simple_exciters(case: gf.Case, gain: float = 20.0, time_constant: float
 def run() -> gf.Trajectory:
     """Simulate a fault at bus 3 with the simple exciters."""
     case = with_simple_exciters(gf.load_case("npcc"))
-    model = gf.build_model(case, devices={**DEVICES, SIMPLE_EXCITER.model: SIMPLE_EXCITER})
+    model = gf.build_model(case, devices=SIMPLE_EXCITER)
     return gf.simulate(model, [gf.BusFault(3, start=0.0, duration=0.2)], t_end=16.0)
 
 

@@ -28,6 +28,7 @@ from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import (
     CaseError,
     CaseFileError,
+    DeviceError,
     EventError,
     GridfoldError,
     GridfoldWarning,
@@ -100,6 +101,7 @@ from gridfold.runs.clearing_time import (
 )
 from gridfold.runs.loading import load_case, load_psse
 from gridfold.runs.method import choose_stepper
+from gridfold.runs.own_devices import load_devices
 from gridfold.runs.simulate import simulate
 from gridfold.runs.small_signal import SmallSignal, small_signal
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -127,6 +129,7 @@ __all__ = [
     "Comparison",
     "Control",
     "DetailedModel",
+    "DeviceError",
     "DeviceRecord",
     "DistanceRelay",
     "ErrorEstimate",
@@ -194,6 +197,7 @@ __all__ = [
     "error_budget",
     "fold",
     "load_case",
+    "load_devices",
     "load_events",
     "load_psse",
     "load_reduced",

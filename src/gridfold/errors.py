@@ -5,6 +5,7 @@
     GridfoldError
     ├── CaseError             the case data are wrong (lists every fault found)
     │   └── CaseFileError     a case file cannot be read
+    ├── DeviceError           a device model of one's own is wrong (lists every fault found)
     ├── EventError            an event is malformed, or names something that is not in the case
     ├── OptionError           a setting (step, criterion, method ...) is out of its range
     ├── PowerFlowError        the power flow has no solution, or none was found
@@ -58,6 +59,20 @@ class CaseError(GridfoldError):
 
 class CaseFileError(CaseError):
     """A case file is missing or cannot be read."""
+
+
+class DeviceError(GridfoldError):
+    """A device model of a user's own is wrong: names file, device, and kernel and row where it is one.
+
+    Parameters
+    ----------
+    faults : sequence of str
+        Every fault found, one line each.
+    """
+
+    def __init__(self, faults: Sequence[str] | str):
+        self.faults = [faults] if isinstance(faults, str) else list(faults)
+        super().__init__("\n".join(self.faults))
 
 
 class EventError(GridfoldError):

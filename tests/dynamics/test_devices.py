@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import sys
+
 import numpy as np
 import pytest
 
@@ -96,3 +99,23 @@ def test_admittance_is_the_slope_of_the_stator_current(model):
     np.testing.assert_allclose(rows["active_power"], power.real, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(rows["reactive_power"], power.imag, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(rows["terminal_voltage"], np.abs(voltage), rtol=1e-13)
+
+
+#: Constants of parameter rows that are not the symbol's letters and digits.
+_CONSTANTS = {
+    "X'd": "XD1", "X'q": "XQ1", "X''d": "X2", "T'd0": "TD1", "T''d0": "TD2", "T'q0": "TQ1",
+    "T''q0": "TQ2", "ZR": "RA", "ZX": "XD1", "dVRMAX": "ADDED", "VEMIN": "EMIN", "EFDMIN": "EMIN",
+    "TA/TB": "RATIO", "K/T": "RATIO", "T1/T3": "LEAD_1", "T2/T4": "LEAD_2", "CSWITCH": "SWITCH",
+    "RC/RFD": "CROWBAR", "r": "TEMPORARY", "Rperm": "SIGMA", "Rtemp": "DELTA", "M": "CODE",
+}  # fmt: skip
+
+
+def test_constants_of_parameter_rows_are_their_symbols(device):
+    """Kernels of the package number their rows, as the parameters of that symbol stand."""
+    names = vars(sys.modules[next(iter(device.kernels.values())).__module__])
+    for row, parameter in enumerate(device.parameters):
+        plain = re.sub(r"\W", "", parameter.symbol).upper()
+        name = _CONSTANTS.get(parameter.symbol, plain)
+        assert names.get(name, row) == row, f"{name} is row {row}"
+    if "BASE_SPEED" in names:
+        assert names["BASE_SPEED"] == len(device.parameter_rows) - 1

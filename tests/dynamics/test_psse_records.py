@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 import gridfold as gf
-from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
+from gridfold.dynamics.own_models import answering
+from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.typical_data import TYPICAL, hydro_settings
@@ -206,7 +207,7 @@ def test_values_at_the_end_may_be_absent_where_the_model_has_defaults(case):
     found = device_records(case, data(*WHOLE, ("SEXS", 1, SEXS), ("IEEEST", 1, IEEEST[:-2])))
     assert "upper_cut_off" not in by_name(found)["ieeest 1:1"]
     faults = faults_of(case, data(*WHOLE, ("SEXS", 1, SEXS), ("IEEEST", 1, IEEEST[:-3])))
-    assert faults == ["IEEEST 1:1 (own.dyr:4): expected 19 values, found 16"]
+    assert faults == ["IEEEST 1:1 (own.dyr:4): expected 17 to 19 values, found 16"]
 
 
 def test_a_value_that_a_record_leaves_to_others_is_told(case):
@@ -456,7 +457,7 @@ def test_device_models_of_the_user_count_as_supported(case):
 
 
 def test_the_table_of_names_agrees_with_the_models_that_gridfold_has():
-    supported = psse_devices(DEVICES)
+    supported = answering(DEVICES)
     assert {name: kind_of(name, {}) for name in supported} == {
         name: kind_of(name, supported) for name in supported
     }
@@ -494,8 +495,8 @@ def test_controls_of_a_converter_take_their_places_in_any_order_of_the_file(case
         found = device_records(case, converter_rows(*models))
         assert list(by_name(found)) == ["genrou 1:1", "regca1 2:1", "reecb1 2:1", "repca1 2:1"]
         assert found.replaced == ()
-    assert kind_of("REGCA1", psse_devices(DEVICES)) is Kind.CONVERTER
-    assert kind_of("REPCA1", psse_devices(DEVICES)) is Kind.CONTROL
+    assert kind_of("REGCA1", answering(DEVICES)) is Kind.CONVERTER
+    assert kind_of("REPCA1", answering(DEVICES)) is Kind.CONTROL
 
 
 @pytest.mark.parametrize(

@@ -117,8 +117,18 @@ def test_user_written_models_and_what_is_no_device_record_are_collected_not_read
     assert data.skipped == (
         SkippedRecord(2, "Line 'Toggle' Line_8 2.0", model="TOGGLE"),
         SkippedRecord(3, "'A line' 'VSCHVDCP0' 5 'control' 1 2", model="VSCHVDCP0"),
-        SkippedRecord(5, "101 'USRMDL' 1 'GENTPJU1' 1 1 0 16 6 1 1.0 2.0", gf.UnitKey(101, "1")),
-        SkippedRecord(8, "1 'usrmdl' '1' 'MYAVR' 4 0 0 2 1 1 5.0 6.0", gf.UnitKey(1, "1")),
+        SkippedRecord(
+            5,
+            "101 'USRMDL' 1 'GENTPJU1' 1 1 0 16 6 1 1.0 2.0",
+            gf.UnitKey(101, "1"),
+            user_written=DynamicRecord("GENTPJU1", 101, "1", (1.0, 2.0), 5, (0, 16)),
+        ),
+        SkippedRecord(
+            8,
+            "1 'usrmdl' '1' 'MYAVR' 4 0 0 2 1 1 5.0 6.0",
+            gf.UnitKey(1, "1"),
+            user_written=DynamicRecord("MYAVR", 1, "1", (5.0, 6.0), 8, (0, 2)),
+        ),
         SkippedRecord(9, "0 'USRMSC' 'WATCH' 512 0", gf.UnitKey(0, "WATCH")),
     )
 

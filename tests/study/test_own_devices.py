@@ -10,15 +10,16 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from own_exciters import RAW, own_dyr, own_file
 
 import gridfold as gf
 from gridfold.dynamics.registry import DEVICES
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.code_files import package_digest, read_code
+from gridfold.runs.own_code import run_code
+from gridfold.runs.own_devices import devices_in, read_devices
 from gridfold.study import engine
 from gridfold.study.named_files import read_named
-from gridfold.study.own_code import run_code
-from gridfold.study.own_devices import load_devices, read_devices
 from gridfold.study.prepare import prepare
 from gridfold.study.study_file import parse_study
 
@@ -53,7 +54,9 @@ def here(tmp_path):
     (folder / "helpers" / "__init__.py").touch()
     (folder / "helpers" / "law.py").write_text("from .ceiling import LIMIT\n")
     (folder / "helpers" / "ceiling.py").write_text("LIMIT = 1.0\n")
-    exciter.write_text(text.replace("\nTR, KP", "\nfrom helpers.law import LIMIT\n\nTR, KP", 1))
+    exciter.write_text(
+        text.replace("\nPARAMETERS", "\nfrom helpers.law import LIMIT\n\nPARAMETERS", 1)
+    )
     (folder / "faults.csv").write_text("name,kind,bus,duration\ntwo,bus-fault,2,0.05\n")
     return folder
 
@@ -155,7 +158,7 @@ def test_code_that_does_not_give_devices_is_an_error_with_file_and_line(
     device(tmp_path / "unseen_by_anyone.py", "")
     before = set(sys.modules)
     with pytest.raises(gf.OptionError, match=message):
-        load_devices(read_devices([device(tmp_path / "mine.py", text)]))
+        devices_in(read_devices([device(tmp_path / "mine.py", text)]))
     sys.modules.pop("unseen_by_anyone", None)
     left = {name for name in set(sys.modules) - before if name.startswith("gridfold_own")}
     assert {name.partition(".")[2] for name in left} <= {"mine"}, "only what ran to its end"
@@ -175,7 +178,7 @@ def test_what_a_function_of_a_device_raises_is_an_error_with_file_and_line(here,
     text = exciter.read_text()
     exciter.write_text(text.replace("    role=", f"    check=lambda p: {call},\n    role="))
     line = exciter.read_text().splitlines().index(f"    check=lambda p: {call},") + 1
-    with pytest.raises(gf.OptionError, match=rf"my_exciter\.py:{line}: .*{told}"):
+    with pytest.raises(gf.DeviceError, match=rf"my_exciter\.py:{line}: .*{told}"):
         run(here)
 
 
@@ -183,7 +186,7 @@ def test_code_runs_from_what_was_read_and_not_from_the_disk(here):
     named = read_named(parse_study(STUDY), here)
     for file in ("my_exciter.py", "helpers/law.py", "helpers/ceiling.py"):
         (here / file).write_text("raise RuntimeError('from the disk')")
-    own = load_devices(pickle.loads(pickle.dumps(named)).own_code)
+    own = devices_in(pickle.loads(pickle.dumps(named)).own_code)
     assert set(own) - set(DEVICES) == {"my_exciter"}
     assert run_code(named.own_code[0]).LIMIT == 1.0
 
@@ -279,7 +282,9 @@ def test_a_run_tells_the_code_of_devices_that_are_not_the_packages(here):
         (here / "my_exciter.py").touch()
         text = (here / "my_exciter.py").read_text()
         if "LIMIT *" not in text:
-            (here / "my_exciter.py").write_text(text.replace("= p[KI, i]", "= LIMIT * p[KI, i]"))
+            (here / "my_exciter.py").write_text(
+                text.replace("= p[P.integral", "= LIMIT * p[P.integral")
+            )
         named = read_named(study, here)
         model = prepare(engine.do_offline_work(study, named)[0]).model
         run = gf.simulate(model, [gf.BusFault(1, duration=0.05)], 0.1)
@@ -323,3 +328,58 @@ def test_studies_with_other_code_have_other_tokens(here):
     (here / "helpers" / "ceiling.py").write_text("LIMIT = 2.0\n")
     second, _ = engine.do_offline_work(study, read_named(study, here))
     assert first.token != second.token
+
+
+@pytest.fixture
+def dyr_study(tmp_path):
+    """A study of PSS/E files with records of an exciter that a file gives, which tells when it runs."""
+    run = f"open({str(tmp_path / 'RAN')!r}, 'w').close()\nfrom numba"
+    own_file(tmp_path, ("from numba", run))
+    own_dyr(tmp_path)
+    (tmp_path / "grid.raw").write_bytes(RAW.read_bytes())
+    case = {"source": "grid.raw", "dyr": "own.dyr", "devices": ["mine.py"]}
+    fault = {"kind": "bus-fault", "bus": 13, "duration": 0.05}
+    return STUDY | {
+        "case": case,
+        "contingencies": {"machine_trips": "12,22"},
+        "contingency": [{"name": "one", "events": [fault]}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"study_area": {"buses": "9999"}}, "no bus 9999"),
+        ({"contingencies": {"csv": "gone.csv"}}, r"gone\.csv"),
+    ],
+)
+def test_all_else_is_checked_before_code_for_records_runs(tmp_path, dyr_study, change, message):
+    study = parse_study(dyr_study | change)
+    with pytest.raises(gf.GridfoldError, match=message):
+        gf.run_study(study, tmp_path / "o", folder=tmp_path, trust_devices=True)
+    assert not (tmp_path / "RAN").exists()
+
+
+def test_workers_know_the_models_of_records(tmp_path, dyr_study):
+    named = read_named(parse_study(dyr_study), tmp_path)
+    offline, contingencies = engine.do_offline_work(parse_study(dyr_study), named)
+    for file in ("mine.py", "own.dyr", "grid.raw"):
+        (tmp_path / file).unlink()
+    model = prepare(pickle.loads(pickle.dumps(offline))).model
+    assert model.own_devices.keys() == {"mine"}
+    assert {item.name for item in contingencies} == {"one", "machine 12:1", "machine 22:1"}
+
+
+def test_files_that_a_call_names_are_trusted_and_part_of_the_study(tmp_path, dyr_study):
+    del dyr_study["case"]["devices"]
+    study = parse_study(dyr_study)
+    with pytest.raises(gf.CaseError, match="MYAVR"):
+        gf.run_study(study, tmp_path / "o", folder=tmp_path)
+    mine = [tmp_path / "mine.py"]
+    outcome = gf.run_study(study, tmp_path / "o", folder=tmp_path, devices=mine, count=1)
+    assert (outcome.total, outcome.failed) == (3, 0)
+    with StudyStore.read(tmp_path / "o") as store:
+        assert store.identity["study"]["case"]["devices"] == ["mine.py"]
+        assert "mine.py" in store.identity["files"]
+        told = store.identity["settings"]["case_notices"]
+    assert f"device mine ({mine[0]}) is a model of your own: 2 units" in told

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from gridfold.cli import analysis, reduced, run, study, study_results
 from gridfold.cli.calibrate import calibrate
+from gridfold.cli.check_device import check_device
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
 from gridfold.cli.option_groups import flat
 from gridfold.cli.reproduce import reproduce
@@ -34,6 +35,7 @@ for command in (
     analysis.cct,
     reduced.partition,
     reduced.reduce,
+    check_device,
     calibrate,
     reproduce,
     study.init,

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gridfold.cli.console import err
 from gridfold.cli.option_groups import given
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.dynamics.own_models import is_own
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.equivalents.choice import ReductionSettings, RetainSettings
 from gridfold.equivalents.families import COLUMN_NORM
@@ -33,6 +37,7 @@ from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
 from gridfold.runs.loading import Solve, is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
+from gridfold.runs.own_devices import load_devices
 from gridfold.runs.size import check_times
 from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -46,6 +51,14 @@ _reduction_option = partial(typer.Option, rich_help_panel="Reduction")
 _switching_option = partial(typer.Option, rich_help_panel="Switching")
 
 JsonOption = Annotated[str | None, typer.Option(help="Write facts as JSON; - for the terminal.")]
+DevicesOption = Annotated[
+    list[Path] | None,
+    _case_option(
+        metavar="FILE.py",
+        help="Python file with device models of your own, for records of their names too; it is run. "
+        "May be repeated.",
+    ),
+]
 WorkersOption = Annotated[int | None, run_option(min=1, help="Threads.", show_default="one a core")]
 
 
@@ -122,6 +135,7 @@ class CaseOptions:
             "shunts of the file."
         ),
     ] = Solve.STORED
+    devices: DevicesOption = None
     strict: Annotated[
         bool,
         _case_option(
@@ -146,6 +160,11 @@ class CaseOptions:
         """How loads depend on voltage."""
         return LoadModel.parse(self.loads)
 
+    @cached_property
+    def device_models(self) -> Mapping[str, Device]:
+        """All device models; files of one's own are run."""
+        return load_devices(*(self.devices or ()))
+
     def load(self) -> Case:
         """The case."""
         return load_case(
@@ -158,6 +177,7 @@ class CaseOptions:
             raw_revision=self.raw_revision,
             solve=self.solve,
             strict=self.strict,
+            devices=self.device_models,
         )
 
     def build(self, backend: NetworkBackend = NetworkBackend.AUTO) -> DetailedModel:
@@ -167,23 +187,39 @@ class CaseOptions:
                 f"{self.case} holds the network alone; the file with its dynamic data (.dyr) comes "
                 "after it"
             )
-        model = with_start_checked(
-            build_model(self.load(), backend=backend, on_limit=self.on_limit, loads=self.load_model)
+        model = build_model(
+            self.load(),
+            backend=backend,
+            devices=self.device_models,
+            on_limit=self.on_limit,
+            loads=self.load_model,
         )
+        self._tell_unused(model)
+        model = with_start_checked(model)
         if self.strict:
             refuse_doubtful_start(model.case, basis_of(model))
         return model
 
+    def _tell_unused(self, model: DetailedModel) -> None:
+        """Say so where no unit has a model of the files given."""
+        used = {block.device.model for block in model.layout.blocks}
+        own = [device for device in self.device_models.values() if is_own(device)]
+        if own and not any(device.model in used for device in own):
+            names = ", ".join(device.model for device in own)
+            err.print(f"note: no unit of the case has {names} (--devices)", style="yellow")
+
     def examine(self) -> CaseInfo:
         """The case as far as it goes."""
         found = self._examined()
+        if found.model is not None:
+            self._tell_unused(found.model)
         if self.strict:
             refuse_doubtful_start(found.case, found.basis)
         return found
 
     def _examined(self) -> CaseInfo:
         if not is_network_file(self.case, self.dyr):
-            return examine_case(self.load(), self.load_model, self.on_limit)
+            return examine_case(self.load(), self.load_model, self.on_limit, self.device_models)
         return examine_files(
             self.case,
             self.dyr,
@@ -194,6 +230,7 @@ class CaseOptions:
             self.raw_revision,
             self.unit_sources,
             self.solve,
+            self.device_models,
         )
 
 

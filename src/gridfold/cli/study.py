@@ -23,6 +23,7 @@ from rich.progress import (
 )
 
 from gridfold.cli.console import ExitCode, QuietProgress, err, out
+from gridfold.cli.options import DevicesOption
 from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OutputError
 from gridfold.io.study_store import StudyStore
@@ -50,7 +51,7 @@ _RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
 Ctrl-C ends it with what was in flight written; --resume goes on, after a kill too.
 
 Python files that a study names as devices run only with --trust-devices, or if the same files were
-trusted before.
+trusted before. A file of --devices may run, since you name it; it is part of the study from then on.
 
 Examples:
 
@@ -72,12 +73,13 @@ def init(
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of study files instead.")
     ] = False,
+    devices: DevicesOption = None,
 ) -> None:
     """Write a study file with a comment on every key."""
     if schema:
         sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
         return
-    write_template(file)
+    write_template(file, devices or ())
     out.print(f"{file} is written. Next: gridfold run {file}")
 
 
@@ -97,6 +99,7 @@ def run(
             help="Run the Python files that the study names as devices, and remember them.",
         ),
     ] = False,
+    devices: DevicesOption = None,
     retry_failed: Annotated[
         bool, output_option("--retry-failed", help="Go on, and try again what has failed.")
     ] = False,
@@ -146,6 +149,7 @@ def run(
             on_progress=on_progress,
             stop=brake.stop,
             trust_devices=trusted,
+            devices=devices or (),
         )
     with StudyStore.read(outcome.folder) as store:
         out.print(facts_table(study_facts(store, outcome)))

@@ -14,8 +14,9 @@ from gridfold.errors import OutputError
 from gridfold.io.results import write_json
 from gridfold.numerics.code_files import Code
 from gridfold.numerics.user_folders import user_folder
-from gridfold.study.own_devices import code_record, listing, read_devices
+from gridfold.runs.own_devices import read_devices
 from gridfold.study.study_file import load_study
+from gridfold.study.trust import code_record, listing
 
 
 def trusted_devices(study: Path, given: bool) -> frozenset[str]:

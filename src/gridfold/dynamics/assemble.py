@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device_functions import parameter_faults
 from gridfold.dynamics.layout import Group
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
@@ -67,7 +68,10 @@ def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
     for model, count in unknown.items():
         first = next(record for record in case.devices if record.model == model)
         known = ", ".join((*devices, NEGATIVE_LOAD))
-        yield f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}"
+        yield (
+            f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}; "
+            "--devices FILE.py (devices=) gives models of your own"
+        )
     bases = {generator.key: generator.base_mva for generator in case.generators}
     for record in case.devices:
         if record.model in devices:
@@ -99,7 +103,7 @@ def _record_faults(device: Device, record: DeviceRecord, base_mva: float) -> Ite
         else:
             values[parameter.name] = value
     if sound:
-        yield from device.check(device.resolve(values, base_mva))
+        yield from parameter_faults(device, device.acting(values, base_mva))
 
 
 def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:

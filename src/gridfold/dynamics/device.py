@@ -24,11 +24,13 @@ that name of another device of the same unit. A device with the input ``name_bef
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum, IntEnum
 from functools import cache, cached_property
 from hashlib import sha256
+from keyword import iskeyword
 from types import FunctionType
 from typing import Any
 
@@ -36,6 +38,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.errors import DeviceError
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import package_name
 from gridfold.numerics.compiled import compile_callback, invoke, jit
@@ -97,11 +100,14 @@ class Bound(Enum):
     ANY = "any finite number"
     NOT_NEGATIVE = "0 or more"
     POSITIVE = "positive"
+    INTEGER = "a whole number"
 
     def holds(self, value: float) -> bool:
         """Whether `value` is in the range."""
         if not np.isfinite(value):
             return False
+        if self is Bound.INTEGER:
+            return float(value).is_integer()
         return self is Bound.ANY or value > 0 or (value == 0 and self is Bound.NOT_NEGATIVE)
 
 
@@ -140,6 +146,26 @@ class Limit:
 def limits(lowest: str, highest: str, state: str | None = None) -> tuple[Limit, Limit]:
     """The pair of limits of one quantity."""
     return Limit(lowest, Side.LOWEST, state), Limit(highest, Side.HIGHEST, state)
+
+
+def positions(*names: str | Parameter) -> Any:
+    """Rows by name: ``X = positions(*STATES)``, then ``x[X.field_voltage, i]``.
+
+    Kernels index their matrices by them, so that names and rows cannot part. What is returned is also
+    a tuple of numbers, 0, 1, 2 ..., in the order of `names`.
+
+    Raises
+    ------
+    DeviceError
+        A name is given twice, or cannot be one in Python.
+    """
+    texts = [name.name if isinstance(name, Parameter) else name for name in names]
+    wrong = [text for text in texts if not text.isidentifier() or iskeyword(text) or text[0] == "_"]
+    if wrong or len(set(texts)) < len(texts):
+        listed = ", ".join(repr(t) for t in wrong or (t for t in texts if texts.count(t) > 1))
+        why = "no name of a row" if wrong else "there more than once"
+        raise DeviceError(f"positions of a device's rows: {why}: {listed}")
+    return namedtuple("positions", texts)(*range(len(texts)))
 
 
 def as_given(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, float]:
@@ -206,6 +232,13 @@ class Device:
         Parameters in the order of its PSS/E record, behind bus, model and id; None is not used.
     psse_measured : tuple of int
         Positions in that record of the numbers of buses at which it measures: 0, or its own.
+    psse_names : tuple of str
+        Model names of the records that it answers; its own in capitals where none are given.
+    psse_icons : int
+        How many values of the record are ICONs, which come first and are whole numbers.
+    replaces_built_in : bool
+        Whether it may stand in the place of a model of the package that has its name or answers its
+        records. That is told with every result.
     """
 
     model: str
@@ -231,6 +264,9 @@ class Device:
     limits: tuple[Limit, ...] = ()
     psse_record: tuple[str | None, ...] = ()
     psse_measured: tuple[int, ...] = ()
+    psse_names: tuple[str, ...] = ()
+    psse_icons: int = 0
+    replaces_built_in: bool = False
 
     @cached_property
     def parameter_rows(self) -> tuple[str, ...]:
@@ -242,27 +278,57 @@ class Device:
         """Names of the rows of `y`."""
         return self.sources + self.outputs
 
+    @property
+    def kernels(self) -> dict[str, Kernel]:
+        """Its kernels by what they are, in the order in which they are called."""
+        stages = {"source": self.source, "output": self.output, "derivative": self.derivative}
+        return {stage: kernel for stage, kernel in stages.items() if kernel is not None}
+
     def acting(self, given: Mapping[str, float], base_mva: float) -> dict[str, float]:
         """Parameters of a unit as they act: with defaults, and resolved where none is missing."""
         values = {p.name: given.get(p.name, p.default) for p in self.parameters}
         known = {name: value for name, value in values.items() if value is not None}
-        return dict(self.resolve(known, base_mva)) if len(known) == len(values) else known
+        if len(known) < len(values):
+            return known
+        found = self.resolve(known, base_mva)
+        if not isinstance(found, Mapping) or not values.keys() <= found.keys():
+            raise DeviceError(
+                f"device {self.model} ({self.file}): its resolve gives {found!r}, not all parameters "
+                "by name"
+            )
+        return dict(found)
+
+    @property
+    def functions(self) -> dict[str, FunctionType]:
+        """All functions of the model, by the name of the field."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, FunctionType)}
+
+    @property
+    def file(self) -> str | None:
+        """The file that it comes from; None for a model with the package's functions alone."""
+        own = (f for f in self.functions.values() if not package_name(f.__module__))
+        return next((function.__code__.co_filename for function in own), None)
 
     @property
     def own_digest(self) -> str | None:
         """SHA-256 of the code of a model that is none of the package's, as hexadecimal digits."""
-        values = (getattr(self, item.name) for item in fields(self))
-        written = [value for value in values if isinstance(value, FunctionType)]
-        if all(package_name(function.__module__) for function in written):
+        written = list(self.functions.values())
+        if self.file is None:
             return None
         return sha256(repr([code_digest(function)[0] for function in written]).encode()).hexdigest()
 
 
 @cache
 def compiled_kernel(kernel: Kernel, complex_numbers: bool = False) -> Any:
-    """The compiled form of a kernel; its ``address`` can be called from compiled code."""
+    """The compiled form of a kernel; its ``address`` can be called from compiled code.
+
+    A kernel from outside of the package reaches nothing beyond its matrices, whatever it asks for.
+    """
     number = types.complex128 if complex_numbers else types.float64
-    return compile_callback(kernel, types.void(*(UnitMatrix(number, role) for role in ROLES)))
+    guarded = not package_name(kernel.__module__)
+    matrices = (UnitMatrix(number, role, guarded) for role in ROLES)
+    return compile_callback(kernel, types.void(*matrices))
 
 
 def run_kernel(

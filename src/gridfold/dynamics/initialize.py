@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen
+from gridfold.dynamics.device_functions import first_guess, foreseen
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
 from gridfold.dynamics.layout import Block, Layout, given_as
 from gridfold.dynamics.limiting import acting_limits, widened, without_limits
@@ -134,7 +135,7 @@ def _foreseen(block: Block, known: Known) -> Known:
     parameters = dict(zip(device.parameter_rows, block.parameters, strict=True))
     return {
         (unit, name): float(value)
-        for name, values in device.foresee(parameters, signals).items()
+        for name, values in foreseen(device, parameters, signals, len(units)).items()
         for unit, value in zip(units, values, strict=True)
     }
 
@@ -227,11 +228,10 @@ class _StartProblem:
 
     def guess(self) -> NDArray[np.float64]:
         """First guess, shape (n_unknowns, n_units)."""
-        values = self.device.guess(self.parameters, self.known)
         columns = len(self.block.units)
-        return np.array(
-            [np.broadcast_to(values.get(name, 0.0), columns) for name in self.unknowns], dtype=float
-        ).reshape(len(self.unknowns), columns)
+        values = first_guess(self.device, self.parameters, self.known, columns)
+        silent = np.zeros(columns)
+        return np.array([values.get(name, silent) for name in self.unknowns]).reshape(-1, columns)
 
     def split(
         self, z: NDArray[np.complex128]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
+from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
@@ -32,6 +33,8 @@ from gridfold.dynamics.network.loads import (
     nonlinear_loads,
 )
 from gridfold.dynamics.network.shedding import without_shed
+from gridfold.dynamics.own_kernels import try_once
+from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
@@ -137,6 +140,12 @@ class DetailedModel:
     def residual(self) -> float:
         """The largest derivative at the start, which should be zero."""
         return float(np.abs(self.compiled(self.x0)).max(initial=0.0))
+
+    @property
+    def own_devices(self) -> dict[str, str]:
+        """SHA-256 of the code of each device model that is none of the package's, by its name."""
+        devices = (block.device for block in self.layout.blocks)
+        return {d.model: digest for d in devices if (digest := d.own_digest) is not None}
 
     @property
     def limits_moved(self) -> tuple[str, ...]:
@@ -301,7 +310,7 @@ def build_model(
     case: Case,
     power_flow: PowerFlowResult | None = None,
     backend: NetworkBackend = NetworkBackend.AUTO,
-    devices: Mapping[str, Device] = DEVICES,
+    devices: Devices = DEVICES,
     on_limit: OnLimit = OnLimit.ERROR,
     loads: LoadModel | None = None,
 ) -> DetailedModel:
@@ -315,8 +324,10 @@ def build_model(
         Its solution; solved here if not given.
     backend : NetworkBackend
         How the network equations are solved.
-    devices : mapping
-        Device models by name; pass your own beside ``DEVICES`` to use them.
+    devices : Device, iterable of Device, or mapping
+        Device models of your own beside those of the package (:func:`gridfold.load_devices` reads
+        them from files), or all models by name. The kernels of one that is none of the package's are
+        tried once in plain Python before they are compiled.
     on_limit : OnLimit
         What to do where the operating point is beyond a limit of a device; limits that are moved are
         told in `warnings`.
@@ -331,12 +342,15 @@ def build_model(
         The power flow has no solution.
     InitializationError
         A device has no equilibrium there, or is beyond a limit: names device and equation.
+    DeviceError
+        A device model of your own is wrong: names file, device, kernel and row.
 
-    The last two name data that are hardly meant beside.
+    Those of power flow and start name data that are hardly meant beside.
     """
-    with naming_doubts(case, devices):
+    models = device_models(devices)
+    with telling_own_errors(models.values()), naming_doubts(case, models):
         solved = solve_power_flow(case) if power_flow is None else power_flow
-        return _built(solved, backend, devices, on_limit, loads or LoadModel())
+        return _built(solved, backend, models, on_limit, loads or LoadModel())
 
 
 def _built(
@@ -349,7 +363,10 @@ def _built(
     case = solved.case
     nonlinear = nonlinear_loads(solved, loads)
     ports = () if nonlinear is None else nonlinear.buses
-    layout = build_layout(assemble(case, devices), ports)
+    groups = assemble(case, devices)
+    for device, _, parameters in groups:
+        try_once(device, parameters)
+    layout = build_layout(groups, ports)
     start = initialize(layout, solved, on_limit)
     state = initial_state(case)
     injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
@@ -428,7 +445,7 @@ def _machine_admittances(layout: Layout) -> dict[UnitKey, complex]:
     for block in layout.blocks:
         if block.device.admittance is not None:
             rows = dict(zip(block.device.parameter_rows, block.parameters, strict=True))
-            values = block.device.admittance(rows)
+            values = norton_admittance(block.device, rows, len(block.units))
             machine |= dict(zip(block.units, values.tolist(), strict=True))
     return machine
 

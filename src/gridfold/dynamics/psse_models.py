@@ -121,13 +121,8 @@ CLASSICAL_COLUMNS: dict[str, ClassicalColumns] = {
 }
 
 
-def psse_devices(devices: Mapping[str, Device]) -> dict[str, Device]:
-    """The device models that PSS/E has too, by its name."""
-    return {device.model.upper(): device for device in devices.values() if device.psse_record}
-
-
 def kind_of(model: str, supported: Mapping[str, Device]) -> Kind:
-    """What a model is; `supported` as from :func:`psse_devices`."""
+    """What a model is; `supported` as from :func:`~gridfold.dynamics.own_models.answering`."""
     if model in supported:
         kind = _KIND_OF_ROLE.get(supported[model].role, Kind.UNKNOWN)
         is_converter = kind is Kind.MACHINE and _KINDS.get(model) is Kind.CONVERTER

@@ -20,11 +20,27 @@ def named_parameters(
     and texts in the place of numbers are `faults`; `place` names the record in them.
     """
     columns, values = device.psse_record, record.values
+    if record.announced is not None:
+        icons, cons = record.announced
+        expected = device.psse_icons, len(columns) - device.psse_icons
+        if icons != expected[0] or icons + cons != len(values):
+            faults.append(
+                f"{place}: it announces {icons} ICONs and {cons} CONs and has {len(values)} values; "
+                f"{device.model} takes {expected[0]} ICONs and {expected[1]} CONs"
+            )
+            return {}
     optional = {parameter.name for parameter in device.parameters if parameter.default is not None}
     needed = [k for k, name in enumerate(columns, start=1) if name and name not in optional]
-    if not max(needed, default=0) <= len(values) <= len(columns):
-        faults.append(f"{place}: expected {len(columns)} values, found {len(values)}")
+    least = max(needed, default=0)
+    if not least <= len(values) <= len(columns):
+        count = f"{len(columns)}" if least == len(columns) else f"{least} to {len(columns)}"
+        faults.append(f"{place}: expected {count} values, found {len(values)}")
         return {}
+    for position, value in enumerate(values[: device.psse_icons], start=1):
+        if not isinstance(value, str) and not float(value).is_integer():
+            faults.append(
+                f"{place}: value {position} is {value:g}, an ICON, which is a whole number"
+            )
     return {
         name: _number(record, position, place, faults)
         for position, (name, _) in enumerate(zip(columns, values, strict=False))

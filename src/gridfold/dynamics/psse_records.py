@@ -9,6 +9,9 @@ network does not have is told as *unplaced*: most are slips of the pen, and the 
 lacks the device. Identifiers are compared as they stand, but for blanks around them: ``01`` is not
 ``1``, as in PSS/E.
 
+A device model of a user's own is asked like those of the package, and before them; it also answers
+user-written records (``USRMDL``) of the model names that it says.
+
 A model that gridfold does not have is never replaced in silence. By default it is an error; on request
 (:class:`Unsupported`) it is left out, and :class:`Replacement` tells what that touches:
 
@@ -31,11 +34,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from gridfold.dynamics.device import CONVERTER_ROLES, Device
-from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of, psse_devices
+from gridfold.dynamics.own_models import answering, answering_user_written
+from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of
 from gridfold.dynamics.psse_parameters import (
     classical_parameters,
     named_parameters,
@@ -59,7 +63,8 @@ NO_DATA = "no dynamic data"
 _NEGATIVE_LOAD = "negative load"
 _REPLACE = (
     '--unsupported classical (unsupported="classical") replaces machines by GENCLS and converters by '
-    "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads"
+    "negative loads, and leaves out the rest; --unsupported drop replaces both by negative loads; "
+    "--devices FILE.py (devices=) gives models of your own"
 )
 _MEASURE = (
     "gridfold measures at the terminals of the unit alone: --unsupported classical "
@@ -152,7 +157,8 @@ def device_records(
     without_data : WithoutData
         What to do with generators in service without a machine in the file.
     devices : mapping
-        Device models by name; those with a `psse_record` are known here.
+        Device models by name; each answers the records that it says, of its own name if it has a
+        `psse_record` and says none.
 
     Raises
     ------
@@ -161,7 +167,7 @@ def device_records(
         role and, unless asked for something else, every unsupported model with its count and every
         generator without data, with the records that name no unit, which may be why.
     """
-    records = _sort(case, data, psse_devices(devices))
+    records = _sort(case, with_user_written(data, devices), answering(devices))
     units = _Units(case, records, devices, unsupported)
     faults = list(records.role_faults())
     advice: list[str] = []
@@ -276,6 +282,16 @@ def why_unplaced(case: Case, unit: UnitKey) -> str:
         return f"bus {unit.bus} has no unit"
     listed = ", ".join(repr(name) for name in there)
     return f"bus {unit.bus} has no unit {unit.id!r}, but {listed}"
+
+
+def with_user_written(data: DynamicData, devices: Mapping[str, Device]) -> DynamicData:
+    """The same data, with the user-written records that own `devices` answer among the others."""
+    known = answering_user_written(devices)
+    found = [item.user_written for item in data.skipped if item.user_written is not None]
+    taken = [record for record in found if record.model in known]
+    rest = (s for s in data.skipped if s.user_written is None or s.user_written not in taken)
+    records = sorted((*data.records, *taken), key=lambda record: record.line)
+    return replace(data, records=tuple(records), skipped=tuple(rest)) if taken else data
 
 
 def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _Sorted:

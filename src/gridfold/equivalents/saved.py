@@ -85,6 +85,7 @@ def save_reduced(
         "fingerprint": case.fingerprint,
         "study_buses": sorted(family.parts.study_buses),
         "reducer": reducer_record(reducer),
+        "own_devices": family.parts.model.own_devices,
         **basis_of(family.parts.model).record(),
     }
     if isinstance(family, Ladder):
@@ -151,6 +152,13 @@ def _check_case(header: Mapping[str, Any], model: DetailedModel, path: Path) -> 
             f"{path}: the reduced model belongs to case {header['case']} with fingerprint "
             f"{header['fingerprint'][:16]}, not to case {case.name} with {case.fingerprint[:16]}"
         )
+    now = model.own_devices
+    for name, digest in header.get("own_devices", now).items():
+        if now.get(name) != digest:
+            raise OptionError(
+                f"{path}: the reduced model was made with another device model {name} of your own: "
+                f"sha256 {str(digest)[:16]}, here {now.get(name, 'none')[:16]}"
+            )
     loads = header.get("load_model", LoadModel().text)
     if loads != model.loads.text:
         raise OptionError(

@@ -23,6 +23,8 @@ class DynamicRecord:
         All that follows, in the order of the file; texts where it has texts.
     line : int
         Line at which the record begins, from 1.
+    announced : (int, int) or None
+        Numbers of ICONs and CONs that a user-written record says it has.
     """
 
     model: str
@@ -30,6 +32,7 @@ class DynamicRecord:
     id: str
     values: tuple[float | str, ...]
     line: int
+    announced: tuple[int, int] | None = None
 
     @property
     def key(self) -> UnitKey:
@@ -57,6 +60,9 @@ class SkippedRecord:
         Whether it stands behind the ``/`` of another record, where PSS/E reads nothing.
     model : str
         Its second item in upper case, where a device record has its model.
+    user_written : DynamicRecord or None
+        A user-written model of a machine (``USRMDL``) by the name of that model, with its ICONs and
+        CONs as values: for those who have the model.
     """
 
     line: int
@@ -64,6 +70,7 @@ class SkippedRecord:
     unit: UnitKey | None = None
     is_comment: bool = False
     model: str = ""
+    user_written: DynamicRecord | None = None
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@ by blanks, tabs, line ends and at most one comma; what follows the ``/`` is a co
 the line, and so is a line that begins with ``@!``. Texts may stand in quotes. Numbers are written as
 in Fortran: ``.5``, ``5.``, ``+1``, ``1.5D-2``.
 
-User-written models (``USRMDL`` and its like), records that do not begin with a bus number, and what
-reads as a record behind the ``/`` of another one, are collected, not read.
+User-written models (``USRMDL`` and its like), whose third item behind the bus is the name of a model
+and whose next six are IC, IT and the numbers of ICONs, CONs, states and VARs, are collected. So are
+records that do not begin with a bus number, and what reads as a record behind the ``/`` of another one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,7 +33,7 @@ _COMMENTED = re.compile(
     r"""\s*[0-9]+[\s,]+('\s*[A-Za-z]\w{2,}\s*'|"\s*[A-Za-z]\w{2,}\s*"|[A-Z][A-Z0-9]{2,})"""
     r"""[\s,]+('[^']*'|"[^"]*"|[^\s,/]+)[\s,]+[+-]?\.?[0-9]"""
 )
-_USER_WRITTEN = "USR"
+_USER_WRITTEN, _OF_MACHINES = "USR", "USRMDL"
 _HEADER = ("bus number", "model name", "id")
 _SHOWN = 60
 
@@ -164,11 +166,28 @@ def _parse(record: _OpenRecord) -> DynamicRecord | SkippedRecord:
     _check_header(items)
     model, bus, unit_id = items[1].text.upper(), int(items[0].text), items[2].text
     if record.user_written:
-        return SkippedRecord(record.line, record.text, UnitKey(bus, unit_id))
+        known = None
+        if model == _OF_MACHINES:
+            with suppress(_RecordError):
+                known = _user_written(record, UnitKey(bus, unit_id))
+        return SkippedRecord(record.line, record.text, UnitKey(bus, unit_id), user_written=known)
     values = tuple(_value(k, item) for k, item in enumerate(items[3:], start=1))
     if record.commas > 1:
         raise _RecordError(f"value {len(values) + 1} is empty")
     return DynamicRecord(model, bus, unit_id, values, record.line)
+
+
+def _user_written(record: _OpenRecord, unit: UnitKey) -> DynamicRecord | None:
+    """A ``USRMDL`` record by the name of its model; None where it does not have that form."""
+    name, items = record.items[3:4], record.items[4:]
+    counts = [_number_of(item.text) if item.is_number else -0.5 for item in items[:6]]
+    if not name or name[0].is_number or not name[0].text or len(counts) < 6:
+        return None
+    if not all(count.is_integer() and count >= 0 for count in counts):
+        return None
+    values = tuple(_value(k, item) for k, item in enumerate(items[6:], start=1))
+    announced = int(counts[2]), int(counts[3])
+    return DynamicRecord(name[0].text.upper(), unit.bus, unit.id, values, record.line, announced)
 
 
 def _check_header(items: list[_Item]) -> None:
@@ -188,7 +207,11 @@ def _value(position: int, item: _Item) -> float | str:
         raise _RecordError(f"value {position} is empty")
     if not item.is_number:
         return item.text
-    value = float(re.sub("[dD]", "e", item.text))
+    value = _number_of(item.text)
     if not math.isfinite(value):
         raise _RecordError(f"value {position} is beyond the range of numbers: {item.text[:_SHOWN]}")
     return value
+
+
+def _number_of(text: str) -> float:
+    return float(re.sub("[dD]", "e", text))

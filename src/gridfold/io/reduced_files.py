@@ -30,6 +30,8 @@ _HEADER: _Kinds = {
     "reducer": dict,
     "outputs": str,
 }
+#: What it may say.
+_OPTIONAL: _Kinds = {"own_devices": dict}
 #: What the header says besides, by the outputs of the model.
 _FURTHER: dict[str, _Kinds] = {
     "states": {
@@ -106,7 +108,8 @@ def _header(text: str | None, path: Path) -> dict[str, Any]:
             f"reads version {VERSION}; reduce again"
         )
     further = _FURTHER.get(str(header.get("outputs")), _FURTHER["states"])
-    for key, kind in (_HEADER | further).items():
+    said = {key: kind for key, kind in _OPTIONAL.items() if key in header}
+    for key, kind in (_HEADER | further | said).items():
         value = header.get(key)
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
             raise CaseFileError(f"{key} is {value!r} in the header", str(path))

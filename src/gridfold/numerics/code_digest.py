@@ -62,7 +62,7 @@ class _Digest:
         if isinstance(item, Enum):
             self.add("enum", type(item).__qualname__, item.name, item.value)
         elif isinstance(item, tuple | list | set | frozenset):
-            self.add(type(item).__name__, len(item))
+            self.add(type(item).__name__, len(item), getattr(item, "_fields", ()))
             for part in sorted(item, key=repr) if isinstance(item, set | frozenset) else item:
                 self.value(part)
         elif isinstance(item, Mapping):
@@ -91,7 +91,9 @@ class _Digest:
     def _other(self, item: Any) -> None:
         """What Numba made of a function; of anything else its name."""
         self.add(type(item).__qualname__, getattr(item, "__qualname__", ""))
-        self.add(getattr(item, "__module__", ""))
+        module = str(getattr(item, "__module__", ""))
+        # Code of others counts by its content: the name of its module says how it was loaded.
+        self.add(module if package_name(module) or _is_installed_module(module) else "")
         if isinstance(item, Dispatcher) and not package_name(item.__module__):
             self.dispatchers.append(item)
         self.value(getattr(item, "targetoptions", None))

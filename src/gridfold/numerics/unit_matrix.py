@@ -8,6 +8,7 @@ neither the matrices of a kernel nor their rows overlap, so it need not check th
 from __future__ import annotations
 
 import operator
+from math import nan
 from typing import Any
 
 from numba import types
@@ -27,11 +28,14 @@ ROLES = ("x", "u", "p", "y", "dx")
 
 
 class UnitMatrix(types.Type):
-    """Numba type of a matrix of `dtype`; kernels know each of theirs by another `role`."""
+    """Numba type of a matrix of `dtype`; kernels know each of theirs by another `role`.
 
-    def __init__(self, dtype: Any, role: str = ""):
-        self.dtype, self.role = dtype, role
-        super().__init__(name=f"UnitMatrix({dtype}, {role!r})")
+    Outside of one that is `guarded` what is read is NaN, and what is written is lost.
+    """
+
+    def __init__(self, dtype: Any, role: str = "", guarded: bool = False):
+        self.dtype, self.role, self.guarded = dtype, role, guarded
+        super().__init__(name=f"UnitMatrix({dtype}, {role!r}{', guarded' if guarded else ''})")
 
 
 @register_model(UnitMatrix)
@@ -75,7 +79,11 @@ def _type_setitem(context):
 
 
 def _is_place(index: Any) -> bool:
-    return isinstance(index, types.BaseTuple) and len(index) == 2
+    return (
+        isinstance(index, types.UniTuple | types.Tuple)
+        and len(index) == 2
+        and all(isinstance(kind, types.Integer) for kind in index.types)
+    )
 
 
 @lower_builtin(operator.getitem, UnitMatrix, types.BaseTuple)
@@ -107,7 +115,16 @@ def _place(context, builder, kind, matrix, index, indices):
             strict=True,
         )
     )
-    return builder.gep(view.data, [builder.add(builder.mul(row, view.units), unit)])
+    place = builder.gep(view.data, [builder.add(builder.mul(row, view.units), unit)])
+    if not kind.guarded:
+        return place
+    inside = builder.and_(
+        builder.icmp_unsigned("<", row, view.rows), builder.icmp_unsigned("<", unit, view.units)
+    )
+    nowhere = context.get_constant_generic(builder, kind.dtype, kind.dtype.cast_python_value(nan))
+    spare = cgutils.alloca_once(builder, nowhere.type)
+    builder.store(nowhere, spare)
+    return builder.select(inside, place, spare)
 
 
 def _from_start(builder, index, size):

@@ -23,6 +23,7 @@ from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
 from gridfold.runs.clearing_time import ClearingTime
+from gridfold.runs.device_check import Finding
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
@@ -114,9 +115,22 @@ def device_table(models: Sequence[ModelCount]) -> PlainTable:
     table.add_column("records", justify="right")
     table.add_column("in gridfold")
     for item in models:
-        known = "yes" if item.implemented else "no"
+        known = "your own" if item.own else "yes" if item.implemented else "no"
         style = None if item.implemented else "yellow"
         table.add_row(item.model, item.kind, str(item.records), known, style=style)
+    return table
+
+
+def finding_table(findings: Sequence[Finding]) -> PlainTable:
+    """What the tests of a device model found."""
+    table = PlainTable()
+    table.add_column("test")
+    table.add_column("")
+    table.add_column("found", overflow="fold")
+    outcomes = {True: ("ok", None), False: ("FAULT", "bold red"), None: ("not tried", "yellow")}
+    for item in findings:
+        outcome, style = outcomes[item.passed]
+        table.add_row(item.test, outcome, item.text, style=style)
     return table
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.loads import LoadModel
+from gridfold.dynamics.own_models import own_notices
 from gridfold.grid.case import Case
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.replacement import Replacement
@@ -92,7 +93,10 @@ def basis_of(model: DetailedModel) -> Basis:
     moved = model.limits_moved
     warnings = tuple(line for line in model.warnings if not line.endswith(moved))
     basis = basis_of_case(model.case, model.loads, model.doubts, flow=model.power_flow)
-    return replace(basis, limits_moved=moved, warnings=warnings)
+    blocks = model.layout.blocks
+    own = own_notices({b.device.model: len(b.units) for b in blocks}, [b.device for b in blocks])
+    notices = (*basis.notices, *own)
+    return replace(basis, limits_moved=moved, warnings=warnings, notices=notices)
 
 
 def basis_of_case(

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
+from gridfold.dynamics.own_models import answering, is_own
 from gridfold.dynamics.plausible import case_doubts, model_doubts
-from gridfold.dynamics.psse_models import kind_of, psse_devices
-from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.dynamics.psse_models import kind_of
+from gridfold.dynamics.psse_records import Unsupported, WithoutData, with_user_written
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import CaseError, InitializationError, PowerFlowError
 from gridfold.grid.case import Branch, Case
@@ -28,12 +31,16 @@ from gridfold.runs.unstable_start import with_start_checked
 
 
 class ModelCount(NamedTuple):
-    """Records of one model in dynamic data: name, what it is, how many, whether gridfold has it."""
+    """Records of one model in dynamic data: name, what it is, how many, whether there is a model.
+
+    `own` tells whether that is one of the user's own.
+    """
 
     model: str
     kind: str
     records: int
     implemented: bool
+    own: bool = False
 
 
 class AreaTie(NamedTuple):
@@ -87,6 +94,7 @@ def examine_files(
     raw_revision: int | None = None,
     unit_sources: str | Path | None = None,
     solve: Solve = Solve.STORED,
+    devices: Mapping[str, Device] = DEVICES,
 ) -> CaseInfo:
     """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
 
@@ -101,38 +109,49 @@ def examine_files(
     try:
         case = solved_as(case, solve)
     except PowerFlowError as error:
-        return CaseInfo(case, basis_of_case(case, loads, _doubts(case, None)), trouble=str(error))
+        return CaseInfo(
+            case, basis_of_case(case, loads, _doubts(case, None, devices)), trouble=str(error)
+        )
     if dyr is None:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)
+        basis = basis_of_case(case, loads, _doubts(case, flow, devices), flow=flow)
         return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
-    data = read_dyr(dyr)
-    models = _counts(data)
+    data = with_user_written(read_dyr(dyr), devices)
+    models = _counts(data, devices)
     try:
-        case = with_devices(case, data, unsupported, without_data)
+        case = with_devices(case, data, unsupported, without_data, devices)
     except CaseError as error:
         flow, trouble = _flow(case)
-        basis = basis_of_case(case, loads, _doubts(case, flow), tuple(error.faults), flow)
+        basis = basis_of_case(case, loads, _doubts(case, flow, devices), tuple(error.faults), flow)
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
     flow, trouble = _flow(case)
     model = None
     if flow is not None:
         try:
-            model = with_start_checked(build_model(case, flow, loads=loads, on_limit=on_limit))
+            built = build_model(case, flow, loads=loads, on_limit=on_limit, devices=devices)
+            model = with_start_checked(built)
         except (CaseError, InitializationError) as error:
             trouble = str(error)
     if model is None:
-        basis = basis_of_case(case, loads, _doubts(case, flow), flow=flow)
+        basis = basis_of_case(case, loads, _doubts(case, flow, devices), flow=flow)
     else:
         basis = basis_of(model)
     return CaseInfo(case, basis, models, data.skipped, (), flow, model, trouble)
 
 
-def examine_case(case: Case, loads: LoadModel, on_limit: OnLimit = OnLimit.ERROR) -> CaseInfo:
+def examine_case(
+    case: Case,
+    loads: LoadModel,
+    on_limit: OnLimit = OnLimit.ERROR,
+    devices: Mapping[str, Device] = DEVICES,
+) -> CaseInfo:
     """The same of a case that is loaded; raises as :func:`gridfold.build_model`."""
-    model = with_start_checked(build_model(case, loads=loads, on_limit=on_limit))
+    model = with_start_checked(build_model(case, loads=loads, on_limit=on_limit, devices=devices))
     counts = Counter(record.model for record in case.devices)
-    models = tuple(ModelCount(name, _role(name), n, True) for name, n in counts.items())
+    models = tuple(
+        ModelCount(name, _role(name, devices), n, True, name in devices and is_own(devices[name]))
+        for name, n in counts.items()
+    )
     return CaseInfo(case, basis_of(model), models, power_flow=model.power_flow, model=model)
 
 
@@ -147,8 +166,8 @@ def area_ties(case: Case) -> tuple[AreaTie, ...]:
     return tuple(sorted(ties, key=lambda tie: sorted(tie.areas)))
 
 
-def _role(name: str) -> str:
-    return DEVICES[name].role.name.lower() if name in DEVICES else "negative load"
+def _role(name: str, devices: Mapping[str, Device]) -> str:
+    return devices[name].role.name.lower() if name in devices else "negative load"
 
 
 def _flow(case: Case) -> tuple[PowerFlowResult | None, str]:
@@ -158,14 +177,17 @@ def _flow(case: Case) -> tuple[PowerFlowResult | None, str]:
         return None, str(error)
 
 
-def _doubts(case: Case, flow: PowerFlowResult | None) -> tuple[Doubt, ...]:
-    return case_doubts(case) if flow is None else model_doubts(flow)
+def _doubts(
+    case: Case, flow: PowerFlowResult | None, devices: Mapping[str, Device]
+) -> tuple[Doubt, ...]:
+    return case_doubts(case, devices) if flow is None else model_doubts(flow, devices)
 
 
-def _counts(data: DynamicData) -> tuple[ModelCount, ...]:
-    known = psse_devices(DEVICES)
+def _counts(data: DynamicData, devices: Mapping[str, Device]) -> tuple[ModelCount, ...]:
+    known = answering(devices)
+    own = {name for name, device in known.items() if is_own(device)}
     counts = Counter(record.model for record in data.records)
     return tuple(
-        ModelCount(model, kind_of(model, known).value, count, model in known)
+        ModelCount(model, kind_of(model, known).value, count, model in known, model in own)
         for model, count in counts.items()
     )

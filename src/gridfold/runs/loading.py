@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
+from gridfold.dynamics.device import Device
+from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
+from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.dynamic_records import DynamicData
@@ -64,6 +68,7 @@ def load_case(
     raw_revision: int | None = None,
     solve: Solve | str = Solve.STORED,
     strict: bool = False,
+    devices: Devices = DEVICES,
 ) -> Case:
     """Load a case: a built-in one, one of gridfold's own folders, or files of other programs.
 
@@ -92,6 +97,9 @@ def load_case(
         (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
+    devices : Device, iterable of Device, or mapping
+        Device models of your own (:func:`gridfold.load_devices`), which are asked before a record of
+        these data is called unsupported. :func:`gridfold.build_model` needs them too.
 
     Raises
     ------
@@ -105,6 +113,7 @@ def load_case(
         There is no operating point within limits, or none was found.
     """
     wanted = _choice("solve", Solve, solve)
+    models = device_models(devices)
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
@@ -121,9 +130,11 @@ def load_case(
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
             solve=wanted,
+            devices=models,
         ).case
     if strict:
-        refuse_doubtful_case(case)
+        with telling_own_errors(models.values()):
+            refuse_doubtful_case(case, models)
     return case
 
 
@@ -154,6 +165,7 @@ def load_psse(
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
     solve: Solve | str = Solve.STORED,
+    devices: Devices = DEVICES,
 ) -> LoadedCase:
     """Load a case from a RAW file (or a MATPOWER file) and a DYR file.
 
@@ -163,13 +175,15 @@ def load_psse(
         Network, ``.raw`` or ``.m``.
     dyr : str or Path, optional
         Dynamic data; without them the case has no device records, which is enough for a power flow.
-    unsupported, without_data, unit_sources, allow_unsupported_network, raw_revision, solve
+    unsupported, without_data, unit_sources, allow_unsupported_network, raw_revision, solve, devices
         As in :func:`gridfold.load_case`.
 
     Raises
     ------
     CaseError
         A file cannot be read, or its data are wrong or not supported; lists every fault.
+    DeviceError
+        A device model of your own is wrong.
     OptionError
         An option has an unknown value.
     PowerFlowError
@@ -182,7 +196,8 @@ def load_psse(
         case = with_sources(case, read_unit_sources(unit_sources, case))
     case = solved_as(case, _choice("solve", Solve, solve))
     if dyr is not None:
-        case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking)
+        models = device_models(devices)
+        case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking, models)
     return LoadedCase(case, case.replacements, case.notices)
 
 
@@ -191,9 +206,13 @@ def with_devices(
     data: DynamicData,
     unsupported: Unsupported = Unsupported.ERROR,
     without_data: WithoutData = WithoutData.ERROR,
+    devices: Mapping[str, Device] = DEVICES,
 ) -> Case:
     """The network `case` with the devices of `data`; raises as :func:`load_psse`."""
-    found = device_records(case, data, unsupported=unsupported, without_data=without_data)
+    with telling_own_errors(devices.values()):
+        found = device_records(
+            case, data, unsupported=unsupported, without_data=without_data, devices=devices
+        )
     return replace(
         case,
         devices=found.records,

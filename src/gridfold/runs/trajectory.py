@@ -248,11 +248,7 @@ class Trajectory:
             "sources": SOURCES,
             "python": platform.python_version(),
             "numpy": np.__version__,
-            "own_devices": {
-                block.device.model: digest
-                for block in self.model.layout.blocks
-                if (digest := block.device.own_digest) is not None
-            },
+            "own_devices": self.model.own_devices,
             "case": case.name,
             "fingerprint": case.fingerprint,
             "model": self.simulated.name,

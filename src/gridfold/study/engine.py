@@ -28,13 +28,13 @@ from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.grid_map import grid_map
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
-from gridfold.study.own_devices import code_record, own_errors_are_told, require_trust
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.processes import refuse_nested
 from gridfold.study.solve import Batch, Task
-from gridfold.study.study_file import Study, load_study
+from gridfold.study.study_file import Study, load_study, with_own_devices
 from gridfold.study.summary import column_types
 from gridfold.study.team import Team
+from gridfold.study.trust import code_record, require_trust
 from gridfold.study.work import Progress, Stage, StudyRun, Work
 
 #: Most contingencies that are handed out together: a kill loses them all.
@@ -57,6 +57,7 @@ def run_study(
     on_progress: Callable[[Progress], None] | None = None,
     stop: Event | None = None,
     trust_devices: bool | Collection[str] = False,
+    devices: Sequence[str | Path] = (),
 ) -> StudyRun:
     """Run a study, or the rest of one.
 
@@ -89,6 +90,9 @@ def run_study(
     trust_devices : bool or collection of str
         Whether Python files that the study names as `devices` may run; or the digests
         (:attr:`gridfold.numerics.code_files.Code.digest`) of those that may.
+    devices : sequence of path
+        Python files with device models beside those that the study names. They may run, and are part
+        of the study from then on.
 
     Returns
     -------
@@ -104,6 +108,7 @@ def run_study(
     path = None if isinstance(study, Study) else Path(study)
     wanted = study if isinstance(study, Study) else load_study(study)
     start = Path(folder) if folder is not None else (path.parent if path else Path())
+    wanted = with_own_devices(wanted, devices, start)
     target = _target(out, path)
     kind = _kind(workers)
     check_limit(time_limit)
@@ -113,8 +118,9 @@ def run_study(
     tell = on_progress or (lambda progress: None)
     tell(Progress(Stage.PREPARING, message="power flow, linearization, reduction"))
     named = read_named(wanted, start)
-    require_trust(named.own_code, trust_devices)
-    with own_errors_are_told(named.own_code), ExitStack() as stack:
+    given = {Path(file).resolve() for file in devices}
+    require_trust([c for c in named.own_code if Path(c.path) not in given], trust_devices)
+    with ExitStack() as stack:
         # Locked before the work begins, so that two runs cannot both find it free.
         earlier = stack.enter_context(StudyStore.resume(target)) if goes_on else None
         offline, contingencies = _offline(wanted, named, count, earlier, time_limit)

@@ -11,7 +11,7 @@ from pathlib import Path
 from gridfold.io.case_folder import case_files
 from gridfold.io.input_files import is_there, read_content
 from gridfold.numerics.code_files import Code
-from gridfold.study.own_devices import read_devices
+from gridfold.runs.own_devices import read_devices
 from gridfold.study.study_file import Study
 
 

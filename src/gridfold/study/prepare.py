@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,8 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel
 from gridfold.dynamics.plausible import naming_doubts
+from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.settings import settled
 from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
@@ -42,6 +45,7 @@ from gridfold.runs.basis import basis_of
 from gridfold.runs.loading import load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
+from gridfold.runs.own_devices import devices_in
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
 from gridfold.runs.strict import refuse_doubtful_start
@@ -49,7 +53,6 @@ from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.unstable_start import with_start_checked
 from gridfold.study.generate import Contingency, list_contingencies
 from gridfold.study.named_files import NamedFiles, case_source
-from gridfold.study.own_devices import load_devices
 from gridfold.study.study_file import Study
 
 #: Models that do without a study area.
@@ -114,7 +117,7 @@ class Offline:
     @property
     def devices(self) -> Mapping[str, Device]:
         """All device models of the study."""
-        return load_devices(self.named.own_code)
+        return devices_in(self.named.own_code)
 
 
 @dataclass(frozen=True)
@@ -155,14 +158,15 @@ def do_offline_work(
     GridfoldError
         Something in the study does not fit.
     """
-    case = load_grid(study, named.folder)
-    buses = _study_buses(study, case)
-    contingencies = list_contingencies(study, case, buses, named.folder)
-    for relay in relays_of(study.relays):
-        relay.changes(case)
-    with naming_doubts(case):
-        power_flow = solve_power_flow(case)
-    model = _build(study, case, power_flow, load_devices(named.own_code))
+    early, folder = None, named.folder
+    if named.own_code and study.case.dyr is not None:
+        with suppress(EventError):  # events may name devices that the code brings
+            _surveyed(_without_records(study), folder, DEVICES)
+    else:
+        early = _surveyed(study, folder, DEVICES)
+    devices = devices_in(named.own_code)
+    case, buses, contingencies, power_flow = early or _surveyed(study, folder, devices)
+    model = _build(study, case, power_flow, devices)
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     _check_settings(study, model, contingencies)
@@ -180,8 +184,27 @@ def do_offline_work(
     return offline, contingencies
 
 
-def load_grid(study: Study, folder: Path) -> Case:
-    """The case of a study."""
+def _surveyed(
+    study: Study, folder: Path, devices: Mapping[str, Device]
+) -> tuple[Case, frozenset[int], tuple[Contingency, ...], PowerFlowResult]:
+    """Case, study area, contingencies and operating point."""
+    case = load_grid(study, folder, devices)
+    buses = _study_buses(study, case)
+    contingencies = list_contingencies(study, case, buses, folder)
+    for relay in relays_of(study.relays):
+        relay.changes(case)
+    with naming_doubts(case, devices):
+        return case, buses, contingencies, solve_power_flow(case)
+
+
+def _without_records(study: Study) -> Study:
+    """The study as far as it can be checked without the models of its own code."""
+    lenient = {"unsupported": Unsupported.DROP, "without_data": WithoutData.NEGATIVE_LOAD}
+    return study.model_copy(update={"case": study.case.model_copy(update=lenient)})
+
+
+def load_grid(study: Study, folder: Path, devices: Mapping[str, Device] = DEVICES) -> Case:
+    """The case of a study, with the device models `devices`."""
     wanted = study.case
     dyr = None if wanted.dyr is None else folder / wanted.dyr
     return load_case(
@@ -193,6 +216,7 @@ def load_grid(study: Study, folder: Path) -> Case:
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
         solve=wanted.solve,
+        devices=devices,
     )
 
 

@@ -5,6 +5,8 @@ A TOML file. Its JSON Schema is that of :class:`Study`, see :func:`json_schema`.
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from importlib import resources
@@ -95,7 +97,8 @@ class CaseSection(_Section):
         description="Unusual data, records of no unit and an unstable start are errors.",
     )
     devices: tuple[str, ...] = Field(
-        default=(), description="Python files with device models of your own, used by name."
+        default=(),
+        description="Python files with device models of your own, by name or DYR record.",
     )
 
 
@@ -352,18 +355,30 @@ def parse_study(content: dict[str, Any]) -> Study:
         raise CaseFileError([_fault(item) for item in error.errors()], "study") from None
 
 
+def with_own_devices(study: Study, files: Sequence[str | Path], folder: Path) -> Study:
+    """The same study with further Python files of device models; its names start at `folder`."""
+    names = [Path(os.path.relpath(file, folder)).as_posix() for file in files]
+    every = tuple(dict.fromkeys((*study.case.devices, *names)))
+    return study.model_copy(update={"case": study.case.model_copy(update={"devices": every})})
+
+
 def json_schema() -> dict[str, Any]:
     """JSON Schema of the study file."""
     return Study.model_json_schema(by_alias=True)
 
 
-def template() -> str:
-    """A study file with a comment on every key."""
-    return resources.files("gridfold.study").joinpath("study.toml").read_text("utf-8")
+def template(devices: Sequence[str] = ()) -> str:
+    """A study file with a comment on every key; it names the Python files `devices`."""
+    text = resources.files("gridfold.study").joinpath("study.toml").read_text("utf-8")
+    if not devices:
+        return text
+    key, comment = '# devices = ["my_exciter.py"]', "         #"
+    assert key + comment in text
+    return text.replace(key + comment, f"devices = {json.dumps(list(devices))}  #")
 
 
-def write_template(path: str | Path) -> None:
-    """Write :func:`template` to a new file.
+def write_template(path: str | Path, devices: Sequence[str | Path] = ()) -> None:
+    """Write :func:`template` to a new file; it names the Python files `devices`.
 
     Raises
     ------
@@ -375,7 +390,8 @@ def write_template(path: str | Path) -> None:
     if path.exists():
         raise OutputError(f"{path}: exists already; nothing was written")
     with replacing(path) as temporary:
-        temporary.write_text(template(), encoding="utf-8")
+        names = [Path(os.path.relpath(file, path.parent)).as_posix() for file in devices]
+        temporary.write_text(template(names), encoding="utf-8")
 
 
 class _Lines:

@@ -10,16 +10,18 @@ import builtins
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from hashlib import sha256
 from importlib.util import resolve_name
 from threading import RLock
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
+from gridfold.dynamics.own_models import told
 from gridfold.errors import OptionError
 from gridfold.numerics.code_files import CODE, Code, is_installed, package_name
 
-_ready: dict[str, ModuleType] = {}
+_ready: dict[tuple[str, str], ModuleType] = {}
 _lock = RLock()
 
 
@@ -32,16 +34,18 @@ def run_code(code: Code) -> ModuleType:
         It raises an exception or asks to end the program, with file and line; or it imports a file in
         another way than by an import statement.
     """
+    key = code.path, code.digest
     with _lock:
-        if code.digest not in _ready:
-            _ready[code.digest] = _run(code)
-        return _ready[code.digest]
+        if key not in _ready:
+            _ready[key] = _run(code)
+        return _ready[key]
 
 
 def _run(code: Code) -> ModuleType:
     before, modules = set(sys.modules), _Modules(code)
     try:
-        with _no_way_out():
+        # What it prints must not get into results that go to standard output.
+        with _no_way_out(), redirect_stdout(sys.stderr):
             module = modules.get(code.files[0].module)
     except KeyboardInterrupt:
         raise
@@ -91,20 +95,13 @@ def place_in(code: Code, error: BaseException) -> str:
     return place
 
 
-def told(error: BaseException) -> str:
-    """An exception in a line of words."""
-    if isinstance(error, SystemExit):
-        return f"the code of a device model asks to end the program (exit code {error.code!r})"
-    what = error.msg if isinstance(error, SyntaxError) else error
-    return f"{type(error).__name__}: {what}"
-
-
 class _Modules:
     """The modules of one piece of code, by the names that its import statements use."""
 
     def __init__(self, code: Code):
         self.code = code
-        self.prefix = f"gridfold_own_{code.digest[:16]}"
+        known = sha256(f"{code.path}\0{code.digest}".encode()).hexdigest()
+        self.prefix = f"gridfold_own_{known[:16]}"
         self.files = {file.module: file for file in code.files}
         self.around = {
             name.rsplit(".", k)[0] for name in self.files for k in range(1, name.count(".") + 1)
