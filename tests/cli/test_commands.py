@@ -136,6 +136,31 @@ def test_cct_writes_a_list_of_buses_and_times(command):
     ]
 
 
+def test_cct_of_lines_has_a_row_for_each_end(command):
+    options = (
+        "--lines",
+        "3-2",
+        "--t-end",
+        1,
+        "--longest",
+        0.1,
+        "--resolution",
+        0.05,
+        "--model",
+        "detailed",
+    )
+    code, out, _ = command("cct", "npcc", *options, "--json", "-")
+    assert code == 0
+    rows = json.loads(out)
+    assert [(row["bus"], row["branch"], row["fraction"]) for row in rows] == [
+        (None, "3-2", 0.0),
+        (None, "3-2", 1.0),
+    ]
+    assert all(row["cct_s"] >= 0.05 for row in rows)
+    _, out, _ = command("cct", "npcc", *options)
+    assert out.index("line 3-2 at 3") < out.index("line 3-2 at 2")
+
+
 def test_eigenvalues_are_printed_drawn_and_exported(command, tmp_path):
     code, out, _ = command("eigenvalues", "npcc", "--count", 3, "--plot", tmp_path / "m.png")
     assert code == 0
@@ -206,6 +231,8 @@ def test_a_bad_case_ends_with_exit_code_2_and_a_message(command, tmp_path, sampl
         ("cct", "npcc", "--buses", "1-x"),
         ("cct", "npcc", "--buses", "9-3"),
         ("cct", "npcc", "--buses", "999"),
+        ("cct", "npcc", "--lines", "1-36"),
+        ("cct", "npcc", "--buses", "none"),
         ("cct", "npcc", "--buses", "3", "--longest", "20"),
         ("eigenvalues", "npcc", "--count", "0"),
         ("info",),

@@ -99,7 +99,10 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
             "model: give either the tolerance or the order",
         ),
         (LEAST + "[model]\nretain = -1\n", "study.toml:5: model.retain"),
-        (LEAST + "[model]\nretain_buses = 'far'\n", "model: model.retain_buses"),
+        (
+            LEAST + "[model]\nretain_buses = 'far'\n",
+            "study.toml:5: model.retain_buses: 'far' names",
+        ),
         (
             LEAST + "[model]\nretain = 3\nretain_buses = '42'\n",
             "model: give one of the column norm, the buses and the number of retained machines",
@@ -164,7 +167,7 @@ def test_every_key_of_the_model_reaches_its_settings():
     model = parse_study({"model": keys}).model
     assert model.settings(model.kind) == ModelSettings(
         ModelKind.LINEAR,
-        RetainSettings(buses=(range(42, 43), range(50, 52))),
+        RetainSettings(buses="42,50-51"),
         ReductionSettings(ReducerKind.BALANCED, None, 60, 0.1, Weights.STATES),
         Outputs.STATES,
         BoundaryCoupling.LAGGED,

@@ -16,8 +16,8 @@ Conventions taken over from these files:
 - Of a MATPOWER file only what is literal counts, :mod:`gridfold.io.matpower_file`.
 - A blank field of a RAW file is what the manual of PSS/E says, :mod:`gridfold.io.raw_layouts`.
 
-Zones, owners, inter-area transfers, groups of line sections and the nodes of substations are not
-read: no result depends on them.
+Owners are those of the buses. Inter-area transfers, groups of line sections and the nodes of
+substations are not read: no result depends on them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.matpower_file import read_matpower
 from gridfold.io.powerio_branches import LINE_CHARGING
-from gridfold.io.powerio_records import BLANK_FIELDS, convert_network
+from gridfold.io.powerio_records import BLANK_FIELDS, OWNER, convert_network
 from gridfold.io.raw_codes import check_codes
 from gridfold.io.raw_fields import INNER_QUOTE
 from gridfold.io.raw_records import CompleteRecords, complete_records
@@ -153,12 +153,16 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
         unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
         notices=(*sections.doubts, *notices, *records.notices, *case.notices),
         doubts=tuple(codes.doubts),
+        zone_names=records.zone_names,
+        owner_names=records.owner_names,
         file_counts=_raw_counts(sections),
     )
 
 
 def _annotate(data: Mapping[str, Any], records: CompleteRecords) -> None:
-    """Tell of lines and generators what powerio does not."""
+    """Tell of buses, lines and generators what powerio does not."""
+    for row, owner in zip(data["buses"], records.owners, strict=True):
+        row[OWNER] = owner
     for row, charging in zip(data["branches"], records.line_charging, strict=False):
         row[LINE_CHARGING] = charging
     for row, blanks in zip(data["generators"], records.blanks, strict=True):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
+from gridfold.io.raw_fields import Field, is_integer, plain_number, plain_real, split_fields
 from gridfold.io.raw_layouts import Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
 from gridfold.io.raw_windings import refer_to_buses
@@ -52,6 +52,10 @@ class CompleteRecords:
         Field B of each line, in per unit; nan where it is no number.
     blanks : list of frozenset of str
         Fields of each generator that were blank.
+    owners : list of int
+        Owner of each bus.
+    zone_names, owner_names : dict of int to str
+        Names of zones and owners.
     """
 
     text: str = ""
@@ -59,6 +63,9 @@ class CompleteRecords:
     notices: list[str] = field(default_factory=list)
     line_charging: list[float] = field(default_factory=list)
     blanks: list[frozenset[str]] = field(default_factory=list)
+    owners: list[int] = field(default_factory=list)
+    zone_names: dict[int, str] = field(default_factory=dict)
+    owner_names: dict[int, str] = field(default_factory=dict)
 
 
 def complete_records(sections: RawSections, revision: int) -> CompleteRecords:
@@ -85,7 +92,7 @@ class _Writer:
                 if section in self.layouts:
                     self._record(section, record)
                 else:
-                    self._unknown(record)
+                    self._unknown(section, record)
         self.done.text = "\n".join(self.lines)
         self.done.faults.sort(key=lambda fault: int(fault.split()[1].rstrip(":")))
         return self.done
@@ -148,14 +155,16 @@ class _Writer:
         )
 
     def _remember(self, section: str, values: Mapping[str, str], blanks: set[str]) -> None:
-        if section == "BUS" and "BASKV" not in blanks:
-            self.kilovolts[values["I"]] = values["BASKV"]
+        if section == "BUS":
+            self.done.owners.append(_whole(values["OWNER"]) or 1)
+            if "BASKV" not in blanks:
+                self.kilovolts[values["I"]] = values["BASKV"]
         elif section == "BRANCH":
             self.done.line_charging.append(_float(values["B"]))
         elif section == "GENERATOR":
             self.done.blanks.append(frozenset(blanks))
 
-    def _unknown(self, record: Sequence[int]) -> None:
+    def _unknown(self, section: str, record: Sequence[int]) -> None:
         for number in record:
             try:
                 fields = split_fields(self.lines[number - 1])
@@ -163,6 +172,16 @@ class _Writer:
                 continue
             if any(_number(item) != item.written for item in fields):
                 self.lines[number - 1] = ",".join(_number(item) for item in fields)
+            self._remember_name(section, fields)
+
+    def _remember_name(self, section: str, fields: Sequence[Field]) -> None:
+        """Name of a zone or an owner, of a record number, name."""
+        names = {"ZONE": self.done.zone_names, "OWNER": self.done.owner_names}.get(section)
+        if names is None or len(fields) < 2 or fields[1].blank:
+            return
+        number = _whole(fields[0].text)
+        if number is not None:
+            names[number] = fields[1].text.strip()
 
     def _split(self, number: int) -> list[Field] | None:
         try:
@@ -190,6 +209,10 @@ def _complete(column: Column, given: Field, defaults: Mapping[Base, str]) -> str
 
 def _number(item: Field) -> str:
     return item.written if item.quoted else plain_real(item.text)
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if is_integer(text.strip()) else None
 
 
 def _float(text: str) -> float:

@@ -17,12 +17,13 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.moved_modes import MOVED, ComparedMode, compared_modes
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.events import BusFault
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
 from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
-from gridfold.runs.clearing_time import ClearingTime
+from gridfold.runs.clearing_time import ClearingTime, Fault
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
@@ -262,17 +263,24 @@ def mode_table(modes: SmallSignal, shown: Sequence[int]) -> PlainTable:
 
 
 def clearing_table(times: Sequence[ClearingTime]) -> PlainTable:
-    """Critical clearing times by bus."""
+    """Critical clearing times of faults at buses and at ends of lines."""
     table = PlainTable(title="Critical clearing times", title_justify="left")
-    table.add_column("bus", justify="right")
+    table.add_column("fault")
     table.add_column("CCT (s)", justify="right")
     table.add_column("runs", justify="right")
     for item in times:
         mark = "" if item.bounded else ">= "
-        table.add_row(
-            str(getattr(item.fault, "bus", "")), f"{mark}{item.seconds:g}", str(item.runs)
-        )
+        table.add_row(_fault_name(item.fault), f"{mark}{item.seconds:g}", str(item.runs))
     return table
+
+
+def _fault_name(fault: Fault) -> str:
+    if isinstance(fault, BusFault):
+        return f"bus {fault.bus}"
+    if fault.fraction in (0.0, 1.0):
+        first, second = fault.branch.partition(":")[0].split("-")
+        return f"line {fault.branch} at {second if fault.fraction else first}"
+    return f"line {fault.branch} at {100 * fault.fraction:g} %"
 
 
 def partition_facts(

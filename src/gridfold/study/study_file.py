@@ -12,7 +12,7 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from gridfold.dynamics.area_model import BoundaryCoupling
@@ -27,7 +27,7 @@ from gridfold.equivalents.model_kind import (
     Weights,
 )
 from gridfold.errors import CaseFileError, OptionError, OutputError
-from gridfold.grid.number_ranges import parse_ranges
+from gridfold.grid.selection_text import Word, parse_selection
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
@@ -38,8 +38,23 @@ NotNegative = Annotated[float, Field(ge=0, lt=inf)]
 Count = Annotated[int, Field(ge=0)]
 #: Keys that do not change what a row says, so that a study may go on with another value.
 FREE_KEYS = frozenset({"run.time_limit"})
-#: Which buses: ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3``, ``1-36,78``.
-Where = str
+
+
+def _where(word: Word) -> AfterValidator:
+    """Checks that a text chooses something of a grid; its numbers are first those of `word`."""
+
+    def checked(text: str) -> str:
+        try:
+            parse_selection(text, "place", word)
+        except OptionError as error:
+            raise ValueError(str(error).removeprefix("place: ")) from None
+        return text
+
+    return AfterValidator(checked)
+
+
+#: What is chosen of a grid: ``study area``, ``1-36,78``, ``area:2 except kv<100``, ``line:3-2`` ...
+Where = Annotated[str, _where(Word.BUS)]
 
 
 class Kept(Enum):
@@ -97,9 +112,13 @@ class CaseSection(_Section):
 class StudyArea(_Section):
     """The study area. Where nothing is given a built-in case has one of its own."""
 
-    buses: str | None = Field(default=None, description="Buses such as 1-36,78.")
-    areas: str | None = Field(default=None, description="Areas such as 1,3.")
-    zones: str | None = Field(default=None, description="Zones such as 1,3.")
+    buses: Where | None = Field(default=None, description="Buses such as 1-36,78 or area:1.")
+    areas: Annotated[str, _where(Word.AREA)] | None = Field(
+        default=None, description="Areas such as 1,3."
+    )
+    zones: Annotated[str, _where(Word.ZONE)] | None = Field(
+        default=None, description="Zones such as 1,3."
+    )
 
 
 class ContingencySection(_Section):
@@ -142,8 +161,8 @@ class Model(_Section):
     column_norm: Positive | None = Field(
         default=None, description="Threshold of the column norm (p.u.)."
     )
-    retain_buses: str | None = Field(
-        default=None, description="Buses whose external machines are retained, instead."
+    retain_buses: Where | None = Field(
+        default=None, description="External machines that are retained, instead."
     )
     retain: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="How many external machines are retained, instead."
@@ -193,11 +212,9 @@ class Model(_Section):
 
     def settings(self, kind: ModelKind) -> ModelSettings:
         """The model `kind` with these options."""
-        buses = self.retain_buses
-        chosen = None if buses is None else parse_ranges(buses, "model.retain_buses")
         return ModelSettings(
             kind,
-            RetainSettings(self.column_norm, chosen, self.retain),
+            RetainSettings(self.column_norm, self.retain_buses, self.retain),
             ReductionSettings(
                 self.reducer, self.tolerance, self.order, self.slow_modes, self.weights
             ),
@@ -416,7 +433,7 @@ def _fault(item: ErrorDetails, lines: _Lines | None = None, path: Path | None = 
     if not key:
         return message
     value = item["input"]
-    shown = "" if isinstance(value, dict) else f", not {value!r}"
+    shown = "" if isinstance(value, dict) or repr(value) in message else f", not {value!r}"
     return f"{where}{key}: {message[:1].lower()}{message[1:]}{shown}"
 
 
