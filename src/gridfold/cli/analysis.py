@@ -264,7 +264,7 @@ def _faults(
     if buses is not None:
         faults += [BusFault(bus) for bus in select_buses(buses, case, "--buses", study)]
     if lines is not None:
-        found = sorted(line.position for line in select_lines(lines, case, "--lines", study))
+        found = sorted({line.position for line in select_lines(lines, case, "--lines", study)})
         faults += [
             BranchFault(case.branch_names[position], fraction=end)
             for position in found

@@ -102,11 +102,21 @@ def select_lines(
 ) -> tuple[LineEnd, ...]:
     """Branches that a text chooses, those out of service among them.
 
-    Lines are chosen by name, ``101-103`` or ``101-103:CIRCUIT``, by the places that they join,
+    A line that is named from both of its ends comes twice. Lines are chosen by name, ``101-103`` or
+    ``101-103:CIRCUIT``, by the places that they join,
     ``area:1 to area:2``, or as all those with both ends in the buses that are chosen. Transformers
     count as lines. The rest is as for :func:`select_buses`.
     """
     return _Finder(case, what, study).lines(text, word)
+
+
+def line_name(case: Case, line: LineEnd) -> str:
+    """``FROM-TO`` from the end that is named first, with the circuit where there are several."""
+    branch, name = case.branches[line.position], case.branch_names[line.position]
+    if branch.from_bus == line.bus:
+        return name
+    _, parallel, circuit = name.partition(":")
+    return f"{branch.to_bus}-{branch.from_bus}{parallel}{circuit}"
 
 
 @dataclass(frozen=True)
@@ -141,15 +151,17 @@ class _Finder:
         chosen, inside = self._named_lines(selection.chosen, faults)
         without, outside = self._named_lines(selection.without, faults)
         self._refuse(faults)
-        for k, branch in enumerate(self.case.branches):
-            if branch.from_bus in inside and branch.to_bus in inside:
-                chosen.setdefault(k, branch.from_bus)
+        named = {end.position for end in chosen}
+        taken = {end.position for end in without}
+        for k, (first, second) in enumerate(self._ends):
+            if k not in named and first in inside and second in inside:
+                chosen[LineEnd(k, first)] = None
         if not chosen and inside and not selection.without:
             raise OptionError(f"{self.what}: no line of case {self.case.name} lies within {text!r}")
         return tuple(
-            LineEnd(k, bus)
-            for k, bus in chosen.items()
-            if k not in without and not outside.intersection(self._ends[k])
+            end
+            for end in chosen
+            if end.position not in taken and not outside.intersection(self._ends[end.position])
         )
 
     def _refuse(self, faults: Sequence[str]) -> None:
@@ -255,21 +267,20 @@ class _Finder:
 
     def _named_lines(
         self, items: Iterable[Item], faults: list[str]
-    ) -> tuple[dict[int, int], set[int]]:
+    ) -> tuple[dict[LineEnd, None], set[int]]:
         """Lines that are named, with the end named first, and buses that are."""
-        found: dict[int, int] = {}
+        found: dict[LineEnd, None] = {}
         buses: set[int] = set()
         for item in items:
             if isinstance(item, Unit):
                 faults.append(f"{item} is no line, and lines are chosen here")
             elif isinstance(item, Line | Ties):
-                for position, bus in self._lines_of(item, faults):
-                    found.setdefault(position, bus)
+                found |= dict.fromkeys(self._lines_of(item, faults))
             else:
                 buses.update(self._buses_of(item, faults))
         return found, buses
 
-    def _lines_of(self, item: Line | Ties, faults: list[str]) -> list[tuple[int, int]]:
+    def _lines_of(self, item: Line | Ties, faults: list[str]) -> list[LineEnd]:
         before = len(faults)
         first = set(self._buses_of(item.first, faults))
         second = set(self._buses_of(item.second, faults)) - first
@@ -277,12 +288,12 @@ class _Finder:
             return []
         circuit = item.circuit if isinstance(item, Line) else None
         joining = [
-            (k, one)
+            LineEnd(k, one)
             for k, ends in enumerate(self._ends)
             for one, other in (ends, ends[::-1])
             if one in first and other in second
         ]
-        found = [at for at in joining if circuit in (None, self.case.branches[at[0]].circuit)]
+        found = [e for e in joining if circuit in (None, self.case.branches[e.position].circuit)]
         if not found:
             faults.append(self._no_line(item, [k for k, _ in joining], first))
         return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan
 
 from rich.text import Text
 
@@ -24,6 +25,7 @@ from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
 from gridfold.runs.clearing_time import ClearingTime, Fault
+from gridfold.runs.monitor.extremes import Extremes
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
@@ -259,6 +261,20 @@ def mode_table(modes: SmallSignal, shown: Sequence[int]) -> PlainTable:
         note = "common angle; " if modes.common_angle[k] else ""
         damping = "" if modes.common_angle[k] else f"{100 * ratio[k]:.2f}"
         table.add_row(text, f"{modes.frequency_hz[k]:.4f}", damping, note + states)
+    return table
+
+
+def extremes_table(rows: Sequence[Extremes], limit: int = 40) -> PlainTable:
+    """Start, end and extremes of what was watched; the first `limit` columns."""
+    table = PlainTable(title="Watched", title_justify="left")
+    table.add_column("column", overflow="fold")
+    for name in ("start", "lowest", "at (s)", "highest", "at (s)", "end"):
+        table.add_column(name, justify="right")
+    for row in rows[:limit]:
+        figures = (row.start, row.lowest, row.lowest_at, row.highest, row.highest_at, row.end)
+        table.add_row(row.name, *("" if isnan(value) else f"{value:.5g}" for value in figures))
+    if len(rows) > limit:
+        table.note(f"{len(rows) - limit:,} more columns; --csv or --parquet writes all of them")
     return table
 
 

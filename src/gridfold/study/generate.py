@@ -116,7 +116,7 @@ def line_faults(
     case: Case, lines: Iterable[LineEnd], start: float, duration: float
 ) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
     """A fault at both ends of each of the branches that is in service, cleared by tripping it."""
-    for position in sorted(line.position for line in lines):
+    for position in sorted({line.position for line in lines}):
         branch, name = case.branches[position], case.branch_names[position]
         if branch.in_service:
             for end, fraction in ((branch.from_bus, 0.0), (branch.to_bus, 1.0)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -144,7 +144,8 @@ class _Solver:
     def _detailed(self, events: Sequence[Event]) -> Trajectory:
         ready = self.prepared
         rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
-        return simulate(ready.model, events, *rest)
+        area = None if ready.parts is None else ready.parts.study_buses
+        return replace(simulate(ready.model, events, *rest), study_buses=area)
 
     def _reduced(self, small: SmallModels, events: Sequence[Event]) -> AdaptiveRun:
         """The study's model."""
@@ -262,7 +263,7 @@ class _Solver:
             return None
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / "run.parquet"
-            run.to_parquet(path, wanted.signals)
+            run.to_parquet(path, wanted.watched)
             return path.read_bytes()
 
 

@@ -31,6 +31,7 @@ from gridfold.grid.selection_text import Word, parse_selection
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
+from gridfold.runs.monitor import DEFAULT_MONITOR, parse_monitor
 from gridfold.runs.synchronism import SynchronismCriterion
 
 Positive = Annotated[float, Field(gt=0, lt=inf)]
@@ -55,6 +56,19 @@ def _where(word: Word) -> AfterValidator:
 
 #: What is chosen of a grid: ``study area``, ``1-36,78``, ``area:2 except kv<100``, ``line:3-2`` ...
 Where = Annotated[str, _where(Word.BUS)]
+
+
+def _watched(text: str) -> str:
+    """Checks that a text has the form of a monitor."""
+    try:
+        parse_monitor(text, "place")
+    except OptionError as error:
+        raise ValueError(str(error).removeprefix("place: ")) from None
+    return text
+
+
+#: What is watched of a run: ``flow 101-103, voltage area:1, every 5``.
+Watched = Annotated[str, AfterValidator(_watched)]
 
 
 class Kept(Enum):
@@ -283,7 +297,22 @@ class OutputsWanted(_Section):
     trajectories: Kept = Field(
         default=Kept.NONE, description="Whole trajectories as Parquet files."
     )
-    signals: tuple[str, ...] = Field(default=(), description="Further columns of these files.")
+    monitor: Watched | tuple[Watched, ...] | None = Field(
+        default=None,
+        description="What is watched: columns of these files, and curves in the report.",
+    )
+    signals: tuple[str, ...] = Field(
+        default=(),
+        description="Older than monitor: further columns of these files.",
+        deprecated=True,
+    )
+
+    @property
+    def watched(self) -> str:
+        """What is watched, as one text; that of tables where nothing is said."""
+        if self.monitor is None:
+            return ", ".join((DEFAULT_MONITOR, *self.signals))
+        return self.monitor if isinstance(self.monitor, str) else ", ".join(self.monitor)
 
 
 class Study(_Section):

@@ -166,13 +166,10 @@ def build_equations(
     altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
     islands = find_islands(case, state.severed, (unit.bus for unit in machines))
-    shunt = injections.load.copy()
+    shunt = load_admittance(power_flow, injections, state)
     for unit, admittance in (*injections.negative_load.items(), *machines.items()):
         if unit not in state.units_out:
             shunt[index[unit.bus]] += admittance
-    for bus, power in state.load_steps:
-        squared = abs(power_flow.voltage[index[bus]]) ** 2
-        shunt[index[bus]] += np.conj(power) / case.base_mva / squared
     for bus, admittance in _shunt_changes(case, state):
         shunt[index[bus]] += admittance
     alive = islands.energized.copy()
@@ -199,6 +196,18 @@ def build_equations(
     row_of[live] = np.arange(len(live))
     at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
     return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands)
+
+
+def load_admittance(
+    power_flow: PowerFlowResult, injections: Injections, state: NetworkState
+) -> NDArray[np.complex128]:
+    """Admittance of the loads at each bus in p.u. in a network state, shape (n_buses,)."""
+    case = power_flow.case
+    result = injections.load.copy()
+    for bus, power in state.load_steps:
+        at = case.bus_index[bus]
+        result[at] += np.conj(power) / case.base_mva / abs(power_flow.voltage[at]) ** 2
+    return result
 
 
 def _shunt_changes(case: Case, state: NetworkState) -> Iterator[tuple[int, complex]]:
