@@ -182,8 +182,7 @@ def parse_selection(text: str, what: str = "buses", word: Word = Word.BUS) -> Se
     OptionError
         A part of the text is none of these; names all such parts.
     """
-    if re.search("[\"']", re.sub(_QUOTED, "", text)):
-        raise OptionError(f"{what}: a quote is not closed: {_shown(text)}")
+    pieces_of(text, what)
     reader = _Reader(what, text, word)
     parted = _EXCEPT.fullmatch(text)
     without: tuple[Item, ...] = ()
@@ -198,8 +197,16 @@ def parse_selection(text: str, what: str = "buses", word: Word = Word.BUS) -> Se
     return Selection(chosen, without)
 
 
-def pieces_of(text: str) -> list[str]:
-    """The parts of a text between commas that do not stand in quotes, without blanks around."""
+def pieces_of(text: str, what: str) -> list[str]:
+    """The parts of a text between commas that do not stand in quotes, without blanks around.
+
+    Raises
+    ------
+    OptionError
+        A quote is not closed; `what` is where the text is from.
+    """
+    if re.search("[\"']", re.sub(_QUOTED, "", text)):
+        raise OptionError(f"{what}: a quote is not closed: {_shown(text)}")
     return [piece.strip() for piece in _PIECES.findall(text)] or [""]
 
 
@@ -225,7 +232,7 @@ class _Reader:
         """The items of a list; those `beside` another one say by a word what their numbers are."""
         unsaid = beside and self.word not in (Word.BUS, Word.LINE)
         found = []
-        for piece in pieces_of(text):
+        for piece in pieces_of(text, self.what):
             try:
                 if unsaid and (_RANGE.fullmatch(piece) or re.fullmatch(_QUOTED, piece)):
                     raise _unclear(piece, self.word)

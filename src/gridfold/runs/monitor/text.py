@@ -69,7 +69,7 @@ def parse_monitor(text: str, what: str = "monitor") -> Monitor:
     faults: list[str] = []
     every = 1
     parts: list[tuple[str, list[str]]] = []
-    for piece in pieces_of(text):
+    for piece in pieces_of(text, what):
         begins = _BEGINS.fullmatch(piece)
         word = begins[1].lower() if begins else ""
         if begins and word == "every":
