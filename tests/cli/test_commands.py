@@ -117,7 +117,7 @@ def test_all_result_files_are_written(command, tmp_path):
     pairs = [item for pair in zip(options, files, strict=True) for item in pair]
     code, _, _ = command(
         "simulate", "npcc", "--fault-bus", 3, "--t-end", 0.5, "--method", "abm4",
-        "--network", "sparse", "--signals", "field_voltage, active_power", *pairs,
+        "--network", "sparse", "--monitor", "speed, field_voltage, active_power", *pairs,
     )  # fmt: skip
     assert code == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "a.csv.meta.json"])
@@ -357,10 +357,12 @@ def test_a_detailed_run_with_tables_is_written_while_it_runs(command, tmp_path, 
         (("--t-end", "1e400"), "positive number of seconds, not inf"),
         (("--csv", ""), "cannot be written"),
         (("--npz", "/dev/null"), "it is a pipe or a device"),
-        (("--columns", "speed_pu:*"), "--columns has no effect without --csv"),
-        (("--signals", "speed"), "--signals has no effect without --csv"),
+        (("--monitor", "voltage 999"), "--monitor: voltage: there is no bus 999"),
+        (("--monitor", "101-103"), "has no quantity before it"),
+        (("--comtrade", "a.dat"), "a record in COMTRADE ends in .cfg"),
         (("--csv", "a.csv", "--columns", "speed:x"), "there is no column 'speed:x'"),
         (("--csv", "a.csv", "--columns", "time", "--signals", "x"), "not both"),
+        (("--monitor", "voltage", "--signals", "x"), "give --monitor or --signals, not both"),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_the_run(

@@ -87,10 +87,10 @@ def say_model(name: str, reason: str | None) -> None:
 def say_approximate(columns: Sequence[str]) -> None:
     """Tell which columns are about what a reduced model stands for."""
     if columns:
-        others = f" and {len(columns) - 1:,} more columns" if len(columns) > 1 else ""
+        others = f" and {len(columns) - 1:,} more columns lie" if len(columns) > 1 else " lies"
         out.print(
-            f"{columns[0]}{others} lie outside the study area, for which a reduced model stands: these "
-            "are approximate (--model detailed gives them exactly).",
+            f"{columns[0]}{others} outside the study area, for which a reduced model stands: "
+            "approximate (--model detailed is exact there).",
             style="yellow",
         )
 

@@ -33,6 +33,7 @@ from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
+from gridfold.io.comtrade import check_name
 from gridfold.io.event_records import load_events, load_relays, parse_event
 from gridfold.io.results import check_target
 from gridfold.report.curves import draw_curves, run_curves
@@ -147,6 +148,9 @@ class ResultOptions:
     csv: Annotated[Path | None, _result_option(help="Write the curves as CSV.")] = None
     parquet: Annotated[Path | None, _result_option(help="Write the curves as Parquet.")] = None
     npz: Annotated[Path | None, _result_option(help="Write all states as a NumPy archive.")] = None
+    comtrade: Annotated[
+        Path | None, _result_option(help="Write the curves in COMTRADE (.cfg, and .dat beside it).")
+    ] = None
     monitor: Annotated[
         str | None,
         _result_option(
@@ -162,7 +166,9 @@ class ResultOptions:
     def __post_init__(self) -> None:
         for picture in self.plot or []:
             check_format(picture)
-        for path in (self.csv, self.parquet, self.npz, *(self.plot or [])):
+        if self.comtrade is not None:
+            check_name(self.comtrade)
+        for path in (self.csv, self.parquet, self.npz, self.comtrade, *(self.plot or [])):
             if path is not None:
                 check_target(path)
         given = [
@@ -176,12 +182,12 @@ class ResultOptions:
     @property
     def whole(self) -> bool:
         """Whether they need the whole run at once."""
-        return self.npz is not None or bool(self.plot) or self.printed
+        return bool(self.npz or self.comtrade or self.plot) or self.printed
 
     @property
     def printed(self) -> bool:
         """Whether what is watched is told as a table: no file takes it."""
-        return self._watching and not (self.csv or self.parquet or self.plot)
+        return self._watching and not (self.csv or self.parquet or self.comtrade or self.plot)
 
     @property
     def _watching(self) -> bool:
@@ -209,6 +215,8 @@ class ResultOptions:
             run.write_table(table)
         if self.npz is not None:
             run.to_npz(self.npz)
+        if self.comtrade is not None:
+            run.write_comtrade(self.comtrade, columns)
 
     def draw(self, result: Outcome, columns: Columns) -> None:
         """Draw what is watched, or the machines with the largest errors in colour."""

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.errors import OptionError
+from gridfold.io.run_tables import RunTable
 from gridfold.report.plain import picture_text
 from gridfold.report.style import (
     BACKGROUND_LINE,
@@ -47,6 +49,8 @@ _AXES = {
 #: Height in inches of a panel, and of what stands around them.
 _PANEL, _AROUND = 2.5, 1.3
 _WIDTH = 11.0
+#: Kinds of quantities for which a picture has room.
+_MOST_KINDS = 24
 
 
 @dataclass(frozen=True)
@@ -91,8 +95,35 @@ def run_curves(run: Trajectory, columns: Columns) -> RunCurves:
     )
 
 
+def table_curves(table: RunTable, names: Sequence[str], every: int = 1) -> RunCurves:
+    """Curves `names` of a table that was written, each how many-th row of it."""
+    about = table.metadata
+    told = ", ".join(str(about[key]) for key in ("case", "model", "status") if key in about)
+    faults, times = [], []
+    for event in about.get("events", ()):
+        if "duration" in event and "start" in event:
+            faults.append((float(event["start"]), float(event["start"]) + float(event["duration"])))
+        elif "time" in event:
+            times.append(float(event["time"]))
+    values = {name: table.values[name][::every] for name in names}
+    last = float(table.times[-1])
+    return RunCurves(
+        f"{table.path.name}\n{told}" if told else table.path.name,
+        table.times[::every],
+        values,
+        [(start, min(end, last)) for start, end in faults if start < last],
+        [time for time in times if 0 < time < last],
+    )
+
+
 def draw_curves(curves: RunCurves) -> Figure:
-    """A figure of curves: of many of a kind those that move most in colour, the others grey."""
+    """A figure of curves: of many of a kind those that move most in colour, the others grey.
+
+    Raises
+    ------
+    OptionError
+        There are too many kinds of them for one picture.
+    """
     kinds = _by_kind(curves.values)
     figure = new_figure(_WIDTH, _AROUND + _PANEL * len(kinds))
     panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
@@ -122,7 +153,7 @@ def draw_both(first: RunCurves, second: RunCurves, labels: tuple[str, str]) -> F
     grid = figure.subplots(
         2 * len(kinds), 1, sharex=True, squeeze=False, height_ratios=[1.6, 1.0] * len(kinds)
     )[:, 0]
-    apart = {name: first.values[name] - second.values[name] for name in first.values}
+    apart = {name: second.values[name] - first.values[name] for name in first.values}
     for above, below, (kind, names) in zip(grid[::2], grid[1::2], kinds.items(), strict=True):
         for color, name in zip(PALETTE, _largest(apart, names), strict=False):
             label = picture_text(name.partition(":")[2])
@@ -134,7 +165,7 @@ def draw_both(first: RunCurves, second: RunCurves, labels: tuple[str, str]) -> F
         title = None if shown == len(names) else f"{shown} of {len(names)},\ndiffering most"
         finish_panel(above, kind, first, title)
         finish_panel(below, kind, first, None, legend=False)
-        below.set_ylabel("Difference")
+        below.set_ylabel("Dashed less\nsolid")
     grid[-1].set_xlabel("Time (s)")
     put_title(figure, f"Solid: {labels[0]}\nDashed: {labels[1]}")
     return figure
@@ -184,6 +215,11 @@ def _by_kind(names: Mapping[str, object]) -> dict[str, list[str]]:
     kinds: dict[str, list[str]] = {}
     for name in names:
         kinds.setdefault(name.partition(":")[0], []).append(name)
+    if len(kinds) > _MOST_KINDS:
+        raise OptionError(
+            f"a picture has room for {_MOST_KINDS} kinds of quantities, not for {len(kinds)}: "
+            "choose some"
+        )
     return kinds
 
 

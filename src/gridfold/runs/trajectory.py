@@ -17,6 +17,7 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
+from gridfold.io.comtrade import Channel, write_comtrade
 from gridfold.io.event_records import event_record
 from gridfold.io.results import write_npz
 from gridfold.numerics.kernel_cache import SOURCES
@@ -24,6 +25,7 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.runs.basis import basis_of
 from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored
 from gridfold.runs.monitor.record import columns_record
+from gridfold.runs.monitor.text import unit_of
 from gridfold.runs.notices import Notice
 from gridfold.runs.parts import Part
 from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
@@ -259,6 +261,21 @@ class Trajectory:
             for part in self.parts:
                 writer.take(part)
             writer.file.metadata = self.metadata(table.columns)
+
+    def to_comtrade(self, path: str | Path, monitor: str = DEFAULT_MONITOR) -> None:
+        """Write :meth:`frame` in COMTRADE, ``NAME.cfg`` and ``NAME.dat`` (IEEE C37.111-1999, ASCII)."""
+        self.write_comtrade(Path(path), self.columns(monitor))
+
+    def write_comtrade(self, path: Path, columns: Columns) -> None:
+        """The same of columns that are known."""
+        table, case = self.table(columns), self.model.case
+        channels = [
+            Channel(name, unit_of(name), values)
+            for name, values in zip(columns.names, table.T[1:], strict=True)
+        ]
+        began = next((notice.time for notice in self.notices if notice.time > 0), 0.0)
+        device = f"gridfold {__version__}"
+        write_comtrade(path, case.name, device, table[:, 0], channels, case.frequency_hz, began)
 
     def to_npz(self, path: str | Path) -> None:
         """Write times, all states with their names, and the metadata as a NumPy archive."""

@@ -209,6 +209,8 @@ def test_each_fifth_step_is_kept_and_no_column_twice(run):
     ]  # fmt: skip
     few = run.frame("voltage 1-3, voltage 2-5, speed 78, every 5")
     pd.testing.assert_frame_equal(few, every.iloc[::5].reset_index(drop=True))
+    all_of_it = run.frame().iloc[::50].reset_index(drop=True)
+    pd.testing.assert_frame_equal(run.frame("every 50"), all_of_it)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,10 @@ def test_every_how_many_th_step_is_part_of_the_text(text):
     assert parse_monitor(text) == Monitor((Statement("voltage"),), 5)
 
 
+def test_every_how_many_th_step_alone_is_about_what_tables_hold():
+    assert parse_monitor("every 5") == Monitor((), 5)
+
+
 def test_areas_are_a_quantity_where_they_begin_and_a_place_with_a_colon():
     assert parse_monitor("area 1,2, voltage area:3, 7").statements == (
         Statement("area", "1, 2"),
@@ -49,7 +53,6 @@ def test_what_tables_hold_by_default_is_a_monitor():
     [
         ("", "no quantity before it"),
         ("101-103", "'101-103' has no quantity before it"),
-        ("every 5", "no quantity is named"),
         ("voltage, every", "'every' is followed by a number of steps"),
         ("voltage, every 0", "followed by a number"),
         ("voltage, every 2.5", "followed by a number"),

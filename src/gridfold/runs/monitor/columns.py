@@ -162,7 +162,7 @@ def monitored(
     builder = _Builder(model, study)
     quantities: list[Quantity] = []
     faults: list[str] = []
-    for statement in parsed.statements:
+    for statement in parsed.statements or parse_monitor(DEFAULT_MONITOR).statements:
         try:
             quantities += builder.quantities(statement)
         except OptionError as error:

@@ -6,7 +6,8 @@ A monitor is a list of quantities with what they are wanted of, and how often::
     interface WEST = area:1 to area:2, area 1,2, field_voltage 101:1
 
 A quantity begins with its word; what follows until the next one chooses the buses, lines or machines
-(:mod:`gridfold.grid.selection_text`), all of them if nothing does. ``every 5`` keeps each fifth step.
+(:mod:`gridfold.grid.selection_text`), all of them if nothing does. ``every 5`` keeps each fifth step;
+alone it is about what tables hold by default.
 """
 
 from __future__ import annotations
@@ -34,6 +35,14 @@ _LABEL = re.compile(r"(\"[^\"]+\"|'[^']+'|[\w.-]+)\s*=\s*(.*)", re.DOTALL)
 _SHOWN = 60
 
 
+_UNITS = {"mw": "MW", "mvar": "Mvar", "pu": "pu", "deg": "deg", "hz": "Hz"}
+
+
+def unit_of(column: str) -> str:
+    """Unit of a column by its name; signals of machines are in per unit."""
+    return _UNITS.get(column.partition(":")[0].rpartition("_")[2], "pu")
+
+
 @dataclass(frozen=True)
 class Statement:
     """A quantity, what it is wanted of (empty: everything), and the name of an interface."""
@@ -52,7 +61,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class Monitor:
-    """Quantities that are watched, and each how many-th step is kept."""
+    """Quantities that are watched (none: those by default), and each how many-th step is kept."""
 
     statements: tuple[Statement, ...]
     every: int = 1
@@ -81,8 +90,6 @@ def parse_monitor(text: str, what: str = "monitor") -> Monitor:
         else:
             faults.append(f"{piece[:_SHOWN]!r} has no quantity before it, such as voltage or flow")
     statements = [_statement(kind, places, what, faults) for kind, places in parts]
-    if not parts and not faults:
-        faults.append("no quantity is named, such as voltage or flow")
     if faults:
         raise OptionError(f"{what}: {'; '.join(faults)}")
     return Monitor(tuple(statements), every)
