@@ -261,7 +261,7 @@ def test_a_result_that_cannot_be_written_is_an_error_with_its_path(command, tmp_
 def test_installed_command_and_help_work_in_a_process_of_their_own():
     command = [sys.executable, "-c", "from gridfold.cli import main; main()"]
     shown = subprocess.run([*command, "--help"], capture_output=True, text=True, check=True)
-    for name in ("demo", "info", "simulate", "eigenvalues", "cct"):
+    for name in ("demo", "info", "simulate", "plot", "compare", "eigenvalues", "cct"):
         assert name in shown.stdout
     version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip() == f"gridfold {gf.__version__}"

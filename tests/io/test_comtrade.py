@@ -71,7 +71,7 @@ def test_a_run_is_written_with_what_is_watched(npcc, tmp_path):
     assert units == ["MW", "Mvar", "pu", "pu", "Hz"]
     for found, name in zip(record.analog, frame.columns[1:], strict=True):
         np.testing.assert_allclose(
-            read, frame[name], rtol=0, atol=np.ptp(frame[name]) / 2e5 + 1e-12
+            found, frame[name], rtol=0, atol=np.ptp(frame[name]) / 2e5 + 1e-12
         )
     with pytest.raises(gf.OptionError, match=r"ends in \.cfg, not '\.dat'"):
         run.to_comtrade(tmp_path / "run.dat")

@@ -51,7 +51,8 @@ def test_every_key_stands_in_the_template_with_its_default(tmp_path):
         f"{name}.{key}"
         for name, section in Study.model_fields.items()
         if hasattr(section.annotation, "model_fields")
-        for key in section.annotation.model_fields
+        for key, field in section.annotation.model_fields.items()
+        if not (field.json_schema_extra or {}).get("deprecated")
     }
     section, told = "", set()
     for line in template().splitlines():
@@ -143,6 +144,13 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[[contingency]]\nname = 'a'\nevnts = []\n", "did you mean 'events'?"),
         (LEAST + "[case]\nraw_revision = 30\n", "study.toml:5: case.raw_revision"),
         (LEAST + "[case]\nraw_revision = 'x'\n", "study.toml:5: case.raw_revision"),
+        (LEAST + "[outputs]\nmonitor = '3-2'\n", "study.toml:5: outputs.monitor"),
+        (LEAST + "[outputs]\nmonitor = 'every 0'\n", "'every' is followed by a number of steps"),
+        (
+            LEAST + "[outputs]\nmonitor = 'voltage'\nsignals = ['speed']\n",
+            "outputs.monitor takes the place of outputs.signals",
+        ),
+        (LEAST + "[study_area]\nareas = 'north'\n", "study.toml:5: study_area.areas"),
         ("contingencies = 3\n", "contingencies"),
         ("= 1\n", "not TOML"),
     ],

@@ -106,8 +106,8 @@ def draw_figures(
     figure = new_figure(5.2 * columns, 0.9 + 4.4 * rows)
     panels = figure.subplots(rows, columns, squeeze=False)
     for axes, (name, (x, y)) in zip(panels.ravel(), drawn.items(), strict=False):
-        middle = float(np.nanmean(x))
-        axes.axline((middle, middle), slope=1, color="#999999", linewidth=0.8)
+        ends = [float(np.nanmin([x, y])), float(np.nanmax([x, y]))]
+        axes.plot(ends, ends, color="#999999", linewidth=0.8)
         for chosen, marker, color, label in (
             (~otherwise, "o", PALETTE[0], "same verdict"),
             (otherwise, "D", PALETTE[1], "other verdict"),
@@ -118,6 +118,7 @@ def draw_figures(
         axes.set_xlabel("First")
         axes.set_ylabel("Second")
         axes.grid(color="#eeeeee")
+        axes.ticklabel_format(useOffset=False)
         axes.legend(fontsize="small")
     for axes in panels.ravel()[len(drawn) :]:
         axes.set_visible(False)

@@ -12,7 +12,9 @@ from gridfold.study.summary import WALL
 if TYPE_CHECKING:
     import pandas as pd
 
-_NO_FIGURES = ("number", "name", "kind")
+#: Columns that are no figures: what names something, and the verdict itself.
+_NO_FIGURES = ("number", "name", "kind", "stable")
+_BUS = "_bus"
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,10 @@ def compare_studies(first: pd.DataFrame, second: pd.DataFrame) -> StudyCompariso
     columns = [
         name
         for name in one.columns
-        if name in others.columns and name not in _NO_FIGURES and not name.startswith(WALL)
+        if name in others.columns
+        and name not in _NO_FIGURES
+        and not name.startswith(WALL)
+        and not name.endswith(_BUS)
     ]
     found = (_figure(name, one[name], others[name]) for name in columns)
     return StudyComparison(

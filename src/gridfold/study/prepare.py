@@ -42,6 +42,7 @@ from gridfold.runs.basis import basis_of
 from gridfold.runs.loading import load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
+from gridfold.runs.monitor import Columns, monitored
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
 from gridfold.runs.strict import refuse_doubtful_start
@@ -132,6 +133,7 @@ class Prepared:
     time_limit: float | None = None
     tolerant: TolerantModel | None = None
     relays: tuple[Relay, ...] = ()
+    columns: Columns | None = None
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -166,6 +168,7 @@ def do_offline_work(
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     _check_settings(study, model, contingencies)
+    _watched(study, model, buses)
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
     for doubt in method.doubts:
@@ -235,9 +238,15 @@ def prepare(offline: Offline) -> Prepared:
     rule = offline.settings.rule
     method, limit = offline.method, offline.time_limit
     relays = tuple(relays_of(study.relays))
+    columns = _watched(study, model, offline.study_buses)
     return Prepared(
-        study, model, method, criterion, parts, small, rule, intact, limit, tolerant, relays
+        study, model, method, criterion, parts, small, rule, intact, limit, tolerant, relays, columns
     )
+
+
+def _watched(study: Study, model: DetailedModel, buses: frozenset[int]) -> Columns:
+    """Columns of what the study watches."""
+    return monitored(model, study.outputs.watched, buses or None, "outputs.monitor")
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:

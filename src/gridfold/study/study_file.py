@@ -303,8 +303,8 @@ class OutputsWanted(_Section):
     )
     signals: tuple[str, ...] = Field(
         default=(),
-        description="Older than monitor: further columns of these files.",
-        deprecated=True,
+        description="The older form of monitor: further columns of these files.",
+        json_schema_extra={"deprecated": True},
     )
 
     @property
@@ -340,6 +340,8 @@ class Study(_Section):
     @model_validator(mode="after")
     def _fits(self) -> Study:
         times = self.clearing_times
+        if self.outputs.monitor is not None and self.outputs.signals:
+            raise ValueError("outputs.monitor takes the place of outputs.signals: give one of them")
         if times.wanted and not times.resolution <= times.longest < self.run.t_end:
             raise ValueError(
                 "clearing_times.longest must lie between clearing_times.resolution and run.t_end"
