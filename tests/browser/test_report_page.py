@@ -271,6 +271,7 @@ def test_what_was_watched_is_drawn_where_something_was(small):
     )
     assert "4 curves that move less are left out" in caption
     assert small.locator("#watched .scatterlayer .trace").count() == 4
-    assert WICKED in small.text_content("#watched .legend3")
+    assert "wicked" in small.text_content("#watched .legend3")
+    assert not small.locator("#watched b, #watched a[href*='127']").count()
     small.set_viewport_size({"width": NARROW, "height": 800})
     assert overflow(small) <= 0
