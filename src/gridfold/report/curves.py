@@ -174,7 +174,9 @@ def draw_both(first: RunCurves, second: RunCurves, labels: tuple[str, str]) -> F
 def most_moving(
     values: Mapping[str, NDArray[np.float64]], names: Sequence[str], count: int = _COLOURED
 ) -> list[str]:
-    """Those of the curves whose values range furthest, in the order of `names`."""
+    """Those of the curves whose values range furthest, in the order of `names`; all of a few."""
+    if len(names) <= len(PALETTE):
+        return list(names)
     ranges = {name: _range(values[name]) for name in names}
     chosen = sorted(names, key=lambda name: -ranges[name])[:count]
     return [name for name in names if name in chosen]
