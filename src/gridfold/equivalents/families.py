@@ -112,10 +112,6 @@ class ModelFamily(Protocol):
         """The machine against which angle deviations are measured; None: the infinite bus."""
 
     @property
-    def parts(self) -> Partition:
-        """Study and external area."""
-
-    @property
     def study_units(self) -> tuple[UnitKey, ...]:
         """Machines whose angle deviations decide."""
 

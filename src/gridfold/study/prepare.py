@@ -240,7 +240,18 @@ def prepare(offline: Offline) -> Prepared:
     relays = tuple(relays_of(study.relays))
     columns = _watched(study, model, offline.study_buses)
     return Prepared(
-        study, model, method, criterion, parts, small, rule, intact, limit, tolerant, relays, columns
+        study,
+        model,
+        method,
+        criterion,
+        parts,
+        small,
+        rule,
+        intact,
+        limit,
+        tolerant,
+        relays,
+        columns,
     )
 
 

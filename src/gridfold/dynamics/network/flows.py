@@ -60,10 +60,9 @@ class BranchEnds:
         for k, end in enumerate(self.ends):
             if end.branch in altered:
                 seen = state_port(self.case, state, end.branch)[int(end.second)]
-                here, there = (1, 0) if end.second else (0, 1)
-                result[:, k] = (
-                    seen[here] * voltages[:, at_own[k]] + seen[there] * voltages[:, at_other[k]]
-                )
+                by_own, by_other = seen[::-1] if end.second else seen
+                both = by_own * voltages[:, at_own[k]], by_other * voltages[:, at_other[k]]
+                result[:, k] = sum(both)
         return result
 
     def powers(
