@@ -9,12 +9,15 @@ from cases import one_machine_infinite_bus
 
 import gridfold as gf
 from gridfold.dynamics.network import LoadModel
+from gridfold.grid.events import BranchOpenEnd, LoadShed
 
 EVENTS = [
     gf.BusFault(3, 0.2, 0.1),
     gf.BranchFault("3-2", 0.6, 0.1, fraction=0.3, reactance=0.02),
     gf.MachineTrip(23, "1", 1.0),
     gf.LoadStep(5, 1.2, 100.0, 20.0),
+    BranchOpenEnd("32-31", 31, 1.4),
+    LoadShed(0.2, buses="31", time=1.6),
 ]
 EVERYTHING = "flow, load, generation, voltage, area, frequency, voltage_angle"
 
@@ -95,6 +98,14 @@ def test_an_open_line_carries_nothing_and_a_tripped_unit_gives_no_value(frame):
     assert (frame.loc[after, ["p_mw:3-2", "q_mvar:2-3"]] == 0).all(axis=None)
     assert frame.loc[frame["time"] >= 1.0, "generation_mw:23:1"].isna().all()
     assert frame.loc[frame["time"] < 0.995, "generation_mw:23:1"].notna().all()
+
+
+def test_a_line_that_is_open_at_its_far_end_carries_its_charging_alone(run, frame):
+    branch = next(b for b in run.model.case.branches if (b.from_bus, b.to_bus) == (32, 31))
+    near = frame["time"] >= 1.405
+    assert (frame.loc[near, ["p_mw:31-32", "q_mvar:31-32"]] == 0).all(axis=None)
+    charging = -100 * branch.susceptance * frame.loc[near, "voltage_pu:32"] ** 2
+    np.testing.assert_allclose(frame.loc[near, "q_mvar:32-31"], charging, rtol=0.01)
 
 
 def test_what_flows_into_a_fault_inside_a_line_is_what_its_parts_carry(run, frame):
