@@ -71,6 +71,7 @@ _COLUMNS = {
     "Bus.angle_deg": "Stored voltage angle in degrees: start of the power flow",
     "latitude": "Degrees north, for maps",
     "longitude": "Degrees east, for maps",
+    "owner": "Owner number, to choose buses by",
     "from_bus": "First bus; an off-nominal tap is at this end",
     "to_bus": "Second bus",
     "circuit": "Tells parallel branches apart",

@@ -22,6 +22,9 @@ name = "small"
 base_mva = 100.0
 frequency_hz = 60.0
 
+[owner_names]
+2 = "City"
+
 [area_names]
 1 = "All"
 """,

@@ -127,7 +127,7 @@ def unstable(number: int, separation: float) -> Result:
         largest_separation_deg=separation,
         notices="[]",
     )
-    return Result(number, asdict(figures), curves(checked=False))
+    return Result(number, asdict(figures), curves(checked=False) | watched())
 
 
 def failed(number: int, reason: str = "the model does not start") -> Result:
@@ -153,6 +153,20 @@ def curves(checked: bool) -> dict[str, Any]:
             found |= {f"{name}_times": times, f"{name}_angles": found["run_angles"] + 1}
         found["error"] = np.full(len(times), 1.5, np.float32)
     return found
+
+
+def watched() -> dict[str, Any]:
+    """A flow of 1000 MW, two voltages, the second of a bus without one, and an interface."""
+    times = np.linspace(0, 2, 41).astype(np.float32)
+    values = np.stack([500 * times, 0.9 + 0.05 * times, np.full(41, np.nan), -3 * times])
+    return {
+        "watched_names": np.array(
+            ["p_mw:1-2", "voltage_pu:7", "voltage_pu:9", f"interface_mw:{WICKED}"]
+        ),
+        "watched_values": values.astype(np.float32),
+        "watched_times": times,
+        "watched_left_out": np.array(4),
+    }
 
 
 def small_study(folder: Path) -> StudyStore:

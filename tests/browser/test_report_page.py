@@ -258,3 +258,20 @@ def test_print_has_no_controls_and_all_that_is_folded(small, small_visit, tmp_pa
     assert small.is_hidden("#study-file")
     assert small.is_visible("#chips")
     assert small_visit.complaints == []
+
+
+def test_what_was_watched_is_drawn_where_something_was(small):
+    choose(small, 1)
+    assert not small.is_visible("#watched-figure")
+    choose(small, 2)
+    assert small.is_visible("#watched-figure")
+    caption = small.inner_text("#watched-caption")
+    assert caption.startswith(
+        "Watched: Flow into the line (MW), Bus voltage (p.u.), Interface (MW)."
+    )
+    assert "4 curves that move less are left out" in caption
+    assert small.locator("#watched .scatterlayer .trace").count() == 4
+    assert "wicked" in small.text_content("#watched .legend3")
+    assert not small.locator("#watched b, #watched a[href*='127']").count()
+    small.set_viewport_size({"width": NARROW, "height": 800})
+    assert overflow(small) <= 0

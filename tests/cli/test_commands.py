@@ -117,7 +117,7 @@ def test_all_result_files_are_written(command, tmp_path):
     pairs = [item for pair in zip(options, files, strict=True) for item in pair]
     code, _, _ = command(
         "simulate", "npcc", "--fault-bus", 3, "--t-end", 0.5, "--method", "abm4",
-        "--network", "sparse", "--signals", "field_voltage, active_power", *pairs,
+        "--network", "sparse", "--monitor", "speed, field_voltage, active_power", *pairs,
     )  # fmt: skip
     assert code == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "a.csv.meta.json"])
@@ -134,6 +134,31 @@ def test_cct_writes_a_list_of_buses_and_times(command):
         (5, 0.09),
         (6, 0.08),
     ]
+
+
+def test_cct_of_lines_has_a_row_for_each_end(command):
+    options = (
+        "--lines",
+        "3-2",
+        "--t-end",
+        1,
+        "--longest",
+        0.1,
+        "--resolution",
+        0.05,
+        "--model",
+        "detailed",
+    )
+    code, out, _ = command("cct", "npcc", *options, "--json", "-")
+    assert code == 0
+    rows = json.loads(out)
+    assert [(row["bus"], row["branch"], row["fraction"]) for row in rows] == [
+        (None, "3-2", 0.0),
+        (None, "3-2", 1.0),
+    ]
+    assert all(row["cct_s"] >= 0.05 for row in rows)
+    _, out, _ = command("cct", "npcc", *options)
+    assert out.index("line 3-2 at 3") < out.index("line 3-2 at 2")
 
 
 def test_eigenvalues_are_printed_drawn_and_exported(command, tmp_path):
@@ -206,6 +231,8 @@ def test_a_bad_case_ends_with_exit_code_2_and_a_message(command, tmp_path, sampl
         ("cct", "npcc", "--buses", "1-x"),
         ("cct", "npcc", "--buses", "9-3"),
         ("cct", "npcc", "--buses", "999"),
+        ("cct", "npcc", "--lines", "1-36"),
+        ("cct", "npcc", "--buses", "none"),
         ("cct", "npcc", "--buses", "3", "--longest", "20"),
         ("eigenvalues", "npcc", "--count", "0"),
         ("info",),
@@ -234,7 +261,7 @@ def test_a_result_that_cannot_be_written_is_an_error_with_its_path(command, tmp_
 def test_installed_command_and_help_work_in_a_process_of_their_own():
     command = [sys.executable, "-c", "from gridfold.cli import main; main()"]
     shown = subprocess.run([*command, "--help"], capture_output=True, text=True, check=True)
-    for name in ("demo", "info", "simulate", "eigenvalues", "cct"):
+    for name in ("demo", "info", "simulate", "plot", "compare", "eigenvalues", "cct"):
         assert name in shown.stdout
     version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip() == f"gridfold {gf.__version__}"
@@ -330,10 +357,12 @@ def test_a_detailed_run_with_tables_is_written_while_it_runs(command, tmp_path, 
         (("--t-end", "1e400"), "positive number of seconds, not inf"),
         (("--csv", ""), "cannot be written"),
         (("--npz", "/dev/null"), "it is a pipe or a device"),
-        (("--columns", "speed_pu:*"), "--columns has no effect without --csv"),
-        (("--signals", "speed"), "--signals has no effect without --csv"),
+        (("--monitor", "voltage 999"), "--monitor: voltage: there is no bus 999"),
+        (("--monitor", "101-103"), "has no quantity before it"),
+        (("--comtrade", "a.dat"), "a record in COMTRADE ends in .cfg"),
         (("--csv", "a.csv", "--columns", "speed:x"), "there is no column 'speed:x'"),
         (("--csv", "a.csv", "--columns", "time", "--signals", "x"), "not both"),
+        (("--monitor", "voltage", "--signals", "x"), "give --monitor or --signals, not both"),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_the_run(

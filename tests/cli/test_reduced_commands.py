@@ -11,7 +11,6 @@ import pytest
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.saved import save_reduced
-from gridfold.grid.number_ranges import as_ranges, parse_ranges
 
 FAULT = ("--fault-bus", 3, "--fault-duration", 0.39)
 
@@ -650,8 +649,3 @@ def test_help_shows_options_by_group(command):
     at = [out.index(f"─ {name} ─") for name in groups]
     assert at == sorted(at)
     assert at[4] < out.index("--column-norm-siemens") < at[5]
-
-
-@pytest.mark.parametrize("text", ["1-36", "3", "3,7", "1-2,5,9-12,140"])
-def test_ranges_of_numbers_are_text_and_back(text):
-    assert as_ranges(number for part in parse_ranges(text) for number in part) == text

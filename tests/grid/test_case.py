@@ -54,7 +54,8 @@ def test_fingerprint_depends_on_every_field_of_every_record(table, ring):
     for item in fields(first):
         other = {"parameters": {"inertia": 5.0}, "control": gf.Control.POWER}.get(item.name, 77)
         changed = with_first(ring, table, **{item.name: other})
-        assert changed.fingerprint != ring.fingerprint, item.name
+        label = (table, item.name) == ("buses", "owner")  # no simulation depends on it
+        assert (changed.fingerprint == ring.fingerprint) == label, item.name
 
 
 def test_fingerprint_depends_on_base_and_frequency_but_not_on_name_or_origins(ring):

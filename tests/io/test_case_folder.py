@@ -21,6 +21,7 @@ def test_tables_become_records(folder):
     case = gf.load_case(folder)
     assert (case.name, case.base_mva, case.frequency_hz) == ("small", 100.0, 60.0)
     assert case.area_names == {1: "All"}
+    assert (case.zone_names, case.owner_names) == ({}, {2: "City"})
     assert case.buses[0] == gf.Bus(1, "North", 230.0, 1, voltage_pu=1.04)
     assert case.branches[2] == gf.Branch(1, 3, "1", 0.008, 0.08, 0.02, 1.02)
     assert case.generators[0] == gf.Generator(

@@ -85,6 +85,21 @@ def test_all_records_of_a_plain_file_become_records_of_the_case():
     assert case.devices == case.unsupported == case.notices == case.shunts == ()
 
 
+def test_owners_and_the_names_of_zones_and_owners_are_those_of_the_file(tmp_path):
+    plain = own("revision_33.raw")
+    assert (plain.zone_names, plain.owner_names) == ({1: "FIRST"}, {1: "ALL"})
+    path = written(
+        tmp_path,
+        "revision_33.raw",
+        ("2,   1,   1,0.98000", "2,   1,   7,0.98000"),
+        ("    1,'ALL         '", "    1,'ALL         '\n    7,'TOWN''S OWN'\n    8,\n    9,'"),
+    )
+    case = read_network(path)
+    assert [bus.owner for bus in case.buses] == [1, 1, 7]
+    assert case.owner_names == {1: "ALL", 7: "TOWN'S OWN"}
+    assert case.fingerprint == plain.fingerprint
+
+
 @pytest.mark.parametrize("other", ["revision_32", "revision_34", "revision_35", "bare_markers"])
 def test_every_revision_gives_the_same_case(other):
     plain = own("revision_33.raw")

@@ -198,7 +198,7 @@ def test_ids_with_commas_keep_the_columns_of_a_csv_file(tmp_path):
     with (tmp_path / "run.csv").open(newline="") as stream:
         header, *rows = csv.reader(stream)
     assert {len(row) for row in rows} == {len(header)}
-    assert header == list(run.to_pandas().columns)
+    assert header == list(run.frame().columns)
     assert any("2:G," in name for name in header)
 
 

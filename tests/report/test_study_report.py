@@ -16,6 +16,7 @@ from study_stores import (
     new_store,
     small_study,
     stable,
+    watched,
 )
 
 import gridfold as gf
@@ -112,9 +113,23 @@ def test_packed_samples_are_within_half_a_step(largest):
 
 
 def test_curves_are_those_of_the_first_of_the_ranking_as_far_as_there_is_room(tmp_path):
-    record = record_of(small_study(tmp_path), room=400)
-    assert set(record["curves"]) == {4, 2}  # 328 characters each
+    record = record_of(small_study(tmp_path), room=800)
+    assert set(record["curves"]) == {4, 2}  # 328 characters each, and as many of what was watched
     assert record["some_left_out"]
+
+
+def test_what_was_watched_has_a_panel_and_a_factor_a_kind(tmp_path):
+    found = record_of(small_study(tmp_path))
+    assert "watched" not in found["curves"][1]
+    record, curves = found["curves"][2]["watched"], watched()
+    np.testing.assert_allclose(found["times"][record["times"]], curves["watched_times"], atol=1e-5)
+    assert record["left_out"] == 4
+    flow, voltage, interface = record["panels"]
+    assert (flow["axis"], flow["labels"]) == ("Flow into the line (MW)", ["1-2"])
+    assert (voltage["labels"], interface["labels"]) == (["7", "9"], [WICKED])
+    values = curves["watched_values"]
+    np.testing.assert_allclose(values_of(flow), values[0], atol=1000 / 32000)
+    np.testing.assert_allclose(values_of(voltage), values[1:3].ravel(), atol=1 / 32000)
 
 
 def test_clearing_times_of_the_paper_for_its_own_case_only(tmp_path):

@@ -273,7 +273,7 @@ def test_streamed_and_whole_runs_with_relays_have_the_same_rows(npcc, tmp_path):
     streamed = simulate_to_files(npcc, [table], events, 4.0).trajectory
     assert streamed.notices == run.notices
     written = np.loadtxt(path, delimiter=",", skiprows=1)
-    np.testing.assert_allclose(written, run.to_pandas().to_numpy(), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(written, run.frame().to_numpy(), rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import gridfold as gf
-from gridfold.runs.columns import all_columns, chosen_columns
+from gridfold.runs.monitor import monitored
+from gridfold.runs.monitor.columns import column_filter
 from gridfold.runs.streaming import simulate_to_files
 from gridfold.runs.summary import summarize
 from gridfold.runs.table_files import TableFile, TableFormat
@@ -24,7 +25,7 @@ def short_pieces(monkeypatch):
 
 
 def streamed(model, path, events=EVENTS, t_end=4.0, criterion=None, columns=None):
-    columns = columns or all_columns(model)
+    columns = columns or monitored(model)
     form = TableFormat(path.suffix[1:])
     method = gf.choose_stepper(model, "rk4", 0.005)
     return simulate_to_files(
@@ -56,7 +57,7 @@ def test_the_table_and_the_summary_are_those_of_the_whole_run(npcc, short_pieces
     kept = whole(npcc)
     frame = pd.read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
     assert len(frame) == len(kept.times) == 801
-    pd.testing.assert_frame_equal(frame, kept.to_pandas(), rtol=1e-12)
+    pd.testing.assert_frame_equal(frame, kept.frame(), rtol=1e-12)
     assert np.isnan(frame["speed_pu:23:2"].iloc[-1])
     assert_same(summary, summarize(kept))
     assert len(run.run.pieces) == len(kept.run.pieces)
@@ -80,22 +81,30 @@ def test_a_run_that_ends_early_is_written_up_to_its_end(npcc, short_pieces, tmp_
 
 
 def test_columns_are_chosen_by_name_and_pattern(npcc, tmp_path):
-    columns = chosen_columns(npcc, FEW)
+    columns = column_filter(npcc, FEW)
     assert columns.names[:2] == FEW[:2]
     assert all(name.startswith("field_voltage:2") for name in columns.names[2:])
     assert len(columns.names) > 4
     run = whole(npcc, t_end=2.0)
-    frame = run.to_pandas(only=FEW)
-    assert list(frame.columns) == ["time", *columns.names]
-    every = run.to_pandas(["field_voltage"])
-    pd.testing.assert_frame_equal(frame, every[list(frame.columns)], rtol=1e-12)
-    for wrong, said in (("speed_pu:78:9", "did you mean 'speed_pu:78:1'"), ("volts", "known: ")):
+    every = run.frame("speed, voltage, field_voltage")
+    few = pd.DataFrame(run.table(columns), columns=list(columns.header))
+    pd.testing.assert_frame_equal(few, every[list(few.columns)], rtol=1e-12)
+    for wrong, said in (("speed_pu:78:9", "did you mean 'speed_pu:7"), ("volts", "known: ")):
         with pytest.raises(gf.OptionError, match=said):
-            chosen_columns(npcc, [wrong])
+            column_filter(npcc, [wrong])
+
+
+def test_what_has_a_memory_is_the_same_in_pieces_as_in_the_whole(npcc, short_pieces, tmp_path):
+    monitor = "frequency 1-5, voltage_angle 3, flow 3-2, load 3-9, area 1, angle_coi 78, every 7"
+    path = tmp_path / "run.parquet"
+    streamed(npcc, path, columns=monitored(npcc, monitor))
+    frame, kept = pd.read_parquet(path), whole(npcc)
+    pd.testing.assert_frame_equal(frame, kept.frame(monitor), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(frame["time"], kept.times[::7])
 
 
 def test_memory_does_not_grow_with_the_length_of_a_run(npcc, short_pieces, tmp_path):
-    columns = chosen_columns(npcc, FEW)
+    columns = monitored(npcc, "speed 78, voltage 3, field_voltage, flow 3-2, frequency 3")
 
     def peak(t_end):
         tracemalloc.start()

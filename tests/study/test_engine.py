@@ -441,6 +441,39 @@ def test_trajectories_are_kept_where_asked_for(tmp_path):
     assert curves(tmp_path / "a", 1) is None
 
 
+def test_what_is_watched_is_kept_in_files_and_as_curves(tmp_path):
+    wanted = {"trajectories": "unstable", "monitor": ["flow 3-2, voltage 1-20", "area 1, every 4"]}
+    content = SHORT | {"contingencies": {"bus_faults": "3"}, "outputs": wanted}
+    run_study(parse_study(content), tmp_path / "a", count=1)
+    (file,) = (tmp_path / "a" / "trajectories").iterdir()
+    frame = pd.read_parquet(file)
+    events = [gf.BusFault(26, 0.0, 0.5)]
+    run = gf.simulate(gf.build_model(gf.load_case("npcc")), events, 1.0)
+    monitor = "flow 3-2, voltage 1-20, area 1"
+    pd.testing.assert_frame_equal(frame, run.frame(f"{monitor}, every 4"), rtol=1e-9)
+    kept = curves(tmp_path / "a", 3)
+    names = kept["watched_names"].tolist()
+    assert names[:2] == ["p_mw:3-2", "q_mvar:3-2"]
+    assert sum(name.startswith("voltage_pu") for name in names) == 12
+    assert kept["watched_left_out"] == 8
+    every = run.frame(monitor)
+    ranges = every.max() - every.min()
+    left_out = {name for name in every if name.startswith("voltage_pu")} - set(names)
+    assert ranges[list(left_out)].max() <= ranges[[n for n in names if "voltage" in n]].min()
+    np.testing.assert_allclose(
+        kept["watched_values"],
+        every[names].to_numpy().T[:, : len(kept["watched_times"])],
+        rtol=1e-6,
+    )
+
+
+def test_what_cannot_be_watched_is_told_before_anything_is_written(tmp_path):
+    for monitor, said in (("voltage 999", "outputs.monitor: voltage: there is no bus 999"),):
+        with pytest.raises(gf.OptionError, match=said):
+            run_study(parse_study(SHORT | {"outputs": {"monitor": monitor}}), tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+
+
 def test_clearing_times_are_those_of_the_detailed_search(tmp_path):
     content = SHORT | {
         "contingencies": {"bus_faults": "17,26", "clearing_time": 0.05},

@@ -6,7 +6,6 @@ import gridfold as gf
 from gridfold.study.generate import (
     contingency_from_record,
     list_contingencies,
-    select_buses,
 )
 from gridfold.study.study_file import parse_study
 
@@ -58,31 +57,29 @@ def test_every_machine_of_an_area_is_tripped(npcc):
     ]
 
 
-def test_where_can_be_said_in_six_ways(npcc):
-    def where(text):
-        return select_buses(text, npcc, STUDY_AREA)
-
-    assert where("none") == frozenset()
-    assert where("All") == frozenset(range(1, 141))
-    assert where("study  area") == STUDY_AREA
-    assert where("area 1") == STUDY_AREA
-    assert where("areas 1, 2") == where("area 1") | where("area 2")
-    assert where("3,7-9") == {3, 7, 8, 9}
+def test_places_are_told_by_one_grammar(npcc):
+    faults = listed(npcc, bus_faults="study area except 3-36", line_faults="area:1 to area:2")
+    assert [item.name for item in faults[:2]] == ["bus 1", "bus 2"]
+    area = {bus.number: bus.area for bus in npcc.buses}
+    ties = [b for b in npcc.branches if {area[b.from_bus], area[b.to_bus]} == {1, 2}]
+    assert len(faults) == 2 + 2 * len(ties) > 2
+    (trip,) = listed(npcc, machine_trips="21:1")
+    assert trip.events == (gf.MachineTrip(21, "1", 0.0),)
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("area 99", "there is no area 99 in case npcc"),
+        ("area 99", "contingencies.bus_faults: there is no area 99 in case npcc"),
         ("3,999", "there is no bus 999 in case npcc"),
-        ("everywhere", "is none of 'study area'"),
+        ("everywhere", "names nothing"),
         ("9-3", "ends before it starts"),
-        ("", "is none of"),
+        ("", "names nothing"),
     ],
 )
 def test_a_wrong_place_is_refused(npcc, text, said):
-    with pytest.raises(gf.OptionError, match=said):
-        select_buses(text, npcc, STUDY_AREA)
+    with pytest.raises((gf.OptionError, gf.CaseFileError), match=said):
+        listed(npcc, bus_faults=text)
 
 
 def test_a_table_gives_contingencies_of_one_or_more_events(npcc, tmp_path):

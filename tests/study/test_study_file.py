@@ -51,7 +51,8 @@ def test_every_key_stands_in_the_template_with_its_default(tmp_path):
         f"{name}.{key}"
         for name, section in Study.model_fields.items()
         if hasattr(section.annotation, "model_fields")
-        for key in section.annotation.model_fields
+        for key, field in section.annotation.model_fields.items()
+        if not (field.json_schema_extra or {}).get("deprecated")
     }
     section, told = "", set()
     for line in template().splitlines():
@@ -99,7 +100,10 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
             "model: give either the tolerance or the order",
         ),
         (LEAST + "[model]\nretain = -1\n", "study.toml:5: model.retain"),
-        (LEAST + "[model]\nretain_buses = 'far'\n", "model: model.retain_buses"),
+        (
+            LEAST + "[model]\nretain_buses = 'far'\n",
+            "study.toml:5: model.retain_buses: 'far' names",
+        ),
         (
             LEAST + "[model]\nretain = 3\nretain_buses = '42'\n",
             "model: give one of the column norm, the buses and the number of retained machines",
@@ -140,6 +144,13 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[[contingency]]\nname = 'a'\nevnts = []\n", "did you mean 'events'?"),
         (LEAST + "[case]\nraw_revision = 28\n", "study.toml:5: case.raw_revision"),
         (LEAST + "[case]\nraw_revision = 'x'\n", "study.toml:5: case.raw_revision"),
+        (LEAST + "[outputs]\nmonitor = '3-2'\n", "study.toml:5: outputs.monitor"),
+        (LEAST + "[outputs]\nmonitor = 'every 0'\n", "'every' is followed by a number of steps"),
+        (
+            LEAST + "[outputs]\nmonitor = 'voltage'\nsignals = ['speed']\n",
+            "outputs.monitor takes the place of outputs.signals",
+        ),
+        (LEAST + "[study_area]\nareas = 'north'\n", "study.toml:5: study_area.areas"),
         ("contingencies = 3\n", "contingencies"),
         ("= 1\n", "not TOML"),
     ],
@@ -164,7 +175,7 @@ def test_every_key_of_the_model_reaches_its_settings():
     model = parse_study({"model": keys}).model
     assert model.settings(model.kind) == ModelSettings(
         ModelKind.LINEAR,
-        RetainSettings(buses=(range(42, 43), range(50, 52))),
+        RetainSettings(buses="42,50-51"),
         ReductionSettings(ReducerKind.BALANCED, None, 60, 0.1, Weights.STATES),
         Outputs.STATES,
         BoundaryCoupling.LAGGED,

@@ -28,8 +28,10 @@ from gridfold.cli.options import (
     run_option,
 )
 from gridfold.equivalents.auto import Work
-from gridfold.grid.events import BusFault
-from gridfold.grid.number_ranges import numbers_in
+from gridfold.errors import OptionError
+from gridfold.grid.case import Case
+from gridfold.grid.events import BranchFault, BusFault
+from gridfold.grid.selection import select_buses, select_lines
 from gridfold.report.plain import as_lines
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
@@ -47,7 +49,7 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, area_ties
-from gridfold.runs.clearing_time import ClearingTime, critical_clearing_times
+from gridfold.runs.clearing_time import ClearingTime, Fault, critical_clearing_times
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.small_signal import SmallSignal, small_signal
 
@@ -185,23 +187,33 @@ _RUNS_PER_FAULT = 8
 
 def cct(
     source: CaseOptions,
-    buses: Annotated[str, typer.Option(help="Faulted buses, such as 1-36 or 3,7.")],
     runs: RunOptions,
     choice: ModelChoice,
+    buses: Annotated[
+        str | None, typer.Option(help="Faulted buses, such as 1-36, area:1 or 'kv>=345'.")
+    ] = None,
+    lines: Annotated[
+        str | None,
+        typer.Option(
+            help="Lines, such as 3-2 or area:1, with a fault at either end that trips them."
+        ),
+    ] = None,
     resolution: Annotated[float, run_option(help="Grid of clearing times (s).")] = 0.01,
     longest: Annotated[float, run_option(help="Longest clearing time tried (s).")] = 2.0,
     workers: WorkersOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Critical clearing times of three-phase faults at buses, on all cores.
+    """Critical clearing times of three-phase faults at buses and lines, on all cores.
 
     The largest clearing time on a grid for which no machine loses synchronism until the run ends.
 
-    Example: gridfold cct npcc --buses 1-36 --json cct.json
+    Examples: gridfold cct npcc --buses 1-36 --json cct.json
+
+              gridfold cct npcc --lines "area:1 to area:2"
     """
     criterion = runs.criterion
     grid = source.build()
-    faults = [BusFault(bus) for bus in numbers_in(grid.case, buses, "--buses")]
+    faults = _faults(grid.case, buses, lines, choice.external.area.known(grid.case, source.case))
     basis = basis_of(grid)
     count = _RUNS_PER_FAULT * len(faults)
     method = choose_for_many(
@@ -242,9 +254,34 @@ def cct(
         say_model(name, simulator.reason)
 
 
+def _faults(
+    case: Case, buses: str | None, lines: str | None, study: frozenset[int] | None
+) -> list[Fault]:
+    """Faults at buses, then at both ends of lines."""
+    if buses is None and lines is None:
+        raise OptionError("give --buses or --lines: where the faults are")
+    faults: list[Fault] = []
+    if buses is not None:
+        faults += [BusFault(bus) for bus in select_buses(buses, case, "--buses", study)]
+    if lines is not None:
+        found = sorted({line.position for line in select_lines(lines, case, "--lines", study)})
+        faults += [
+            BranchFault(case.branch_names[position], fraction=end)
+            for position in found
+            if case.branches[position].in_service
+            for end in (0.0, 1.0)
+        ]
+    if not faults:
+        raise OptionError("no bus and no line in service is chosen")
+    return faults
+
+
 def _clearing_record(item: ClearingTime) -> dict[str, Any]:
+    fault = item.fault
     return {
-        "bus": getattr(item.fault, "bus", None),
+        "bus": fault.bus if isinstance(fault, BusFault) else None,
+        "branch": fault.branch if isinstance(fault, BranchFault) else None,
+        "fraction": fault.fraction if isinstance(fault, BranchFault) else None,
         "cct_s": item.seconds,
         "bounded": item.bounded,
         "runs": item.runs,

@@ -9,7 +9,7 @@ import warnings
 import typer
 from threadpoolctl import threadpool_limits
 
-from gridfold.cli import analysis, reduced, run, study, study_results
+from gridfold.cli import analysis, curves, reduced, run, study, study_results
 from gridfold.cli.calibrate import calibrate
 from gridfold.cli.check_device import check_device
 from gridfold.cli.console import EXIT_CODES, ExitCode, err
@@ -30,6 +30,8 @@ app = typer.Typer(
 for command in (
     run.demo,
     run.simulate,
+    curves.plot,
+    curves.compare,
     analysis.info,
     analysis.eigenvalues,
     analysis.cct,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from typing import Annotated, Any
 
@@ -37,7 +38,8 @@ from gridfold.equivalents.calibrate import calibrate as run_calibration
 from gridfold.equivalents.contingency_errors import AngleError, Contingency
 from gridfold.equivalents.saved import reducer_record
 from gridfold.grid.events import BusFault, Event
-from gridfold.grid.number_ranges import as_ranges, numbers_in
+from gridfold.grid.selection import select_buses
+from gridfold.grid.selection_text import as_ranges
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
@@ -97,11 +99,12 @@ def calibrate(
     reducer = reduction.settings.build(ported=False)
     events = [parse_event(text) for text in event or []]
     model = source.build()
-    faulted = None if buses is None else numbers_in(model.case, buses, "--buses")
+    study = area.find(model.case, source.case)
+    faulted: Sequence[int] = [] if events else sorted(study)
+    if buses is not None:
+        faulted = select_buses(buses, model.case, "--buses", study)
     method = runs.choose(model)
-    parts = partition(model, area.find(model.case, source.case))
-    if faulted is None:
-        faulted = [] if events else sorted(parts.study_buses)
+    parts = partition(model, study)
     check_runs(parts, len(faulted) + len(events), runs.t_end, method.stepper)
     with stage_bars() as bars:
         result = run_calibration(
@@ -130,7 +133,7 @@ def calibrate(
 
 def _critical(
     model: DetailedModel,
-    buses: list[int],
+    buses: Sequence[int],
     runs: RunOptions,
     method: Choice,
     workers: int | None,

@@ -32,7 +32,7 @@ from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
-from gridfold.grid.number_ranges import as_ranges
+from gridfold.grid.selection_text import as_ranges
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, partition
 from gridfold.reduction import BalancedTruncation, ModalTruncation

@@ -84,6 +84,17 @@ def say_model(name: str, reason: str | None) -> None:
         out.print(f"Model {name}: {reason}", style="dim")
 
 
+def say_approximate(columns: Sequence[str]) -> None:
+    """Tell which columns are about what a reduced model stands for."""
+    if columns:
+        others = f" and {len(columns) - 1:,} more columns lie" if len(columns) > 1 else " lies"
+        out.print(
+            f"{columns[0]}{others} outside the study area, for which a reduced model stands: "
+            "approximate (--model detailed is exact there).",
+            style="yellow",
+        )
+
+
 def say_basis(basis: Basis, doubts: int = 1) -> None:
     """Tell what a result rests on beside the data, and whether that is validated.
 

@@ -31,8 +31,7 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
-from gridfold.grid.number_ranges import Numbered, numbers_in, parse_ranges
-from gridfold.partition import Coupling, Partition, couple, study_buses
+from gridfold.partition import Coupling, Partition, chosen_study_buses, couple, study_buses
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
 from gridfold.runs.loading import Solve, is_network_file, load_case
@@ -277,27 +276,31 @@ class AreaOptions:
 
     study_buses: Annotated[
         str | None,
-        _area_option(help="Buses of the study area, such as 1-36.", show_default="npcc: area 1"),
+        _area_option(
+            help="Buses of the study area, such as 1-36, area:1 or 'area:2 except kv<100'.",
+            show_default="npcc: area 1",
+        ),
     ] = None
     study_areas: Annotated[str | None, _area_option(help="Areas in the study area.")] = None
     study_zones: Annotated[str | None, _area_option(help="Zones in the study area.")] = None
 
     def find(self, case: Case, source: str) -> frozenset[int]:
         """Its bus numbers in `case`, which was loaded from `source`."""
-        texts = {"buses": self.study_buses, "areas": self.study_areas, "zones": self.study_zones}
-        asked = {
-            name: numbers_in(case, text, f"--study-{name}", kind)
-            for kind, (name, text) in zip(Numbered, texts.items(), strict=True)
-            if text is not None
-        }
-        if asked:
-            return study_buses(case, **asked)
-        if source in STUDY_AREAS:
+        found = self.known(case, source)
+        if found is None:
+            raise OptionError(
+                f"case {case.name} has no study area of its own; give it with --study-buses, "
+                "--study-areas or --study-zones"
+            )
+        return found
+
+    def known(self, case: Case, source: str) -> frozenset[int] | None:
+        """The same; None where it is not given and the case has none of its own."""
+        texts = (self.study_buses, self.study_areas, self.study_zones)
+        found = chosen_study_buses(case, "--study-", *texts)
+        if found is None and source in STUDY_AREAS:
             return study_buses(case, areas=STUDY_AREAS[source])
-        raise OptionError(
-            f"case {case.name} has no study area of its own; give it with --study-buses, "
-            "--study-areas or --study-zones"
-        )
+        return found
 
 
 @dataclass(frozen=True)
@@ -337,7 +340,9 @@ class RetainOptions:
     norms: NormOptions
     retain_buses: Annotated[
         str | None,
-        _reduction_option(help="Buses whose external machines are retained, instead of a norm."),
+        _reduction_option(
+            help="External machines that stay exact, such as 42,50 or area:2, instead of a norm."
+        ),
     ] = None
     retain: Annotated[
         int | None,
@@ -353,9 +358,7 @@ class RetainOptions:
 
     def settings(self, parts: Partition) -> RetainSettings:
         """The same for the machines of `parts`."""
-        buses = self.retain_buses
-        chosen = None if buses is None else parse_ranges(buses, "--retain-buses")
-        return RetainSettings(self.norm(parts), chosen, self.retain)
+        return RetainSettings(self.norm(parts), self.retain_buses, self.retain)
 
 
 @dataclass(frozen=True)

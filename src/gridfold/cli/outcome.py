@@ -132,6 +132,7 @@ class Disturbance:
     t_end: float
     method: Choice
     criterion: SynchronismCriterion | None
+    study_buses: frozenset[int] | None = None
 
     def solve(self, simulator: Simulator, comparing: bool, budgeting: bool = False) -> Outcome:
         """On the model of `simulator`.
@@ -143,7 +144,7 @@ class Disturbance:
         rest = (self.model, self.events, self.t_end, stepper, self.criterion, store)
         if simulator.small is None:
             note = _NO_COMPARISON if comparing else None
-            run = replace(simulate(*rest), method_reason=reason)
+            run = replace(simulate(*rest), method_reason=reason, study_buses=self.study_buses)
             return Outcome(run, note=note, tolerance=_kept(simulator, 0.0))
         found = simulator.run(*rest)
         seconds = simulator.seconds + found.reduction_seconds
@@ -171,8 +172,9 @@ class Disturbance:
     def stream(self, simulator: Simulator, tables: Sequence[TableFile], comparing: bool) -> Outcome:
         """On the detailed model, with its tables written while it runs."""
         run, summary = simulate_to_files(
-            self.model, tables, self.events, self.t_end, self.method, self.criterion
-        )
+            self.model, tables, self.events, self.t_end, self.method, self.criterion,
+            study_buses=self.study_buses,
+        )  # fmt: skip
         note = _NO_COMPARISON if comparing else None
         return Outcome(run, note=note, tolerance=_kept(simulator, 0.0), summary=summary)
 

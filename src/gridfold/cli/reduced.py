@@ -24,7 +24,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ModelKind, Outputs
 from gridfold.equivalents.moved_modes import compared_modes
 from gridfold.equivalents.saved import save_reduced
-from gridfold.grid.number_ranges import as_ranges
+from gridfold.grid.selection_text import as_ranges
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition import partition as divide
 from gridfold.report.tables import (

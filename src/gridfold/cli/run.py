@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,8 +14,10 @@ import typer
 from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     EXIT_CODES,
+    err,
     exit_code,
     out,
+    say_approximate,
     say_basis,
     say_method,
     say_model,
@@ -30,12 +33,15 @@ from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
+from gridfold.io.comtrade import check_name
 from gridfold.io.event_records import load_events, load_relays, parse_event
 from gridfold.io.results import check_target
+from gridfold.report.curves import draw_curves, run_curves
 from gridfold.report.plots import plot_trajectory
-from gridfold.report.style import check_format
+from gridfold.report.style import check_format, save_figure
 from gridfold.report.tables import (
     case_facts,
+    extremes_table,
     facts_table,
     model_facts,
     notice_table,
@@ -44,7 +50,9 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.clearing_time import critical_clearing_time
-from gridfold.runs.columns import all_columns, chosen_columns
+from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored, parse_monitor
+from gridfold.runs.monitor.columns import column_filter
+from gridfold.runs.monitor.extremes import extremes
 from gridfold.runs.simulate import simulate as run_simulation
 from gridfold.runs.summary import Summary, summarize
 from gridfold.runs.table_files import TableFile, TableFormat
@@ -68,6 +76,7 @@ Examples:
   gridfold simulate npcc --events events.toml --t-end 20 --method abm4 --json -
 
   gridfold simulate npcc --event "load-shed areas=1 share=0.1 time=1" --relays relays.toml
+  gridfold simulate npcc --fault-bus 3 --monitor "flow 3-2, voltage area:1" --csv out.csv
 
   gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
 
@@ -139,50 +148,93 @@ class ResultOptions:
     csv: Annotated[Path | None, _result_option(help="Write the curves as CSV.")] = None
     parquet: Annotated[Path | None, _result_option(help="Write the curves as Parquet.")] = None
     npz: Annotated[Path | None, _result_option(help="Write all states as a NumPy archive.")] = None
-    signals: Annotated[str, _result_option(help="Further columns, such as field_voltage.")] = ""
-    columns: Annotated[
-        str,
-        _result_option(help="Only these columns of the tables, such as 'speed_pu:*,voltage_pu:3'."),
-    ] = ""
+    comtrade: Annotated[
+        Path | None, _result_option(help="Write the curves in COMTRADE (.cfg, and .dat beside it).")
+    ] = None
+    monitor: Annotated[
+        str | None,
+        _result_option(
+            help="What is watched, such as 'flow 101-103, voltage area:1, every 5': columns of tables, "
+            "panels of pictures; without these, a table of extremes.",
+            show_default=DEFAULT_MONITOR,
+        ),
+    ] = None
+    signals: Annotated[str | None, _result_option(hidden=True)] = None
+    columns: Annotated[str | None, _result_option(hidden=True)] = None
     plot: Annotated[list[Path] | None, _result_option(help="Draw the run (.png or .svg).")] = None
 
     def __post_init__(self) -> None:
         for picture in self.plot or []:
             check_format(picture)
-        tables = [path for path in (self.csv, self.parquet) if path is not None]
-        for path in (*tables, self.npz, *(self.plot or [])):
+        if self.comtrade is not None:
+            check_name(self.comtrade)
+        for path in (self.csv, self.parquet, self.npz, self.comtrade, *(self.plot or [])):
             if path is not None:
                 check_target(path)
-        for name in ("signals", "columns"):
-            if getattr(self, name) and not tables:
-                raise OptionError(f"--{name} has no effect without --csv or --parquet")
-        if self.signals and self.columns:
-            raise OptionError("give --signals or --columns, not both")
+        given = [
+            name for name in ("monitor", "signals", "columns") if getattr(self, name) is not None
+        ]
+        if len(given) > 1:
+            raise OptionError(f"give --{given[0]} or --{given[1]}, not both")
+        if self.monitor is not None:
+            parse_monitor(self.monitor, "--monitor")
 
     @property
     def whole(self) -> bool:
         """Whether they need the whole run at once."""
-        return self.npz is not None or bool(self.plot)
+        return bool(self.npz or self.comtrade or self.plot) or self.printed
 
-    def tables(self, model: DetailedModel) -> list[TableFile]:
-        """Tables of a run of `model`."""
-        names, only = _names(self.signals), _names(self.columns)
-        columns = chosen_columns(model, only) if only else all_columns(model, names)
+    @property
+    def printed(self) -> bool:
+        """Whether what is watched is told as a table: no file takes it."""
+        return self._watching and not (self.csv or self.parquet or self.comtrade or self.plot)
+
+    @property
+    def _watching(self) -> bool:
+        return not self.monitor is self.signals is self.columns is None
+
+    def watched(self, model: DetailedModel, study: frozenset[int] | None) -> Columns:
+        """What is watched of a run of `model` with a study area."""
+        if self.columns is not None:
+            _tell_old("--columns", "--monitor, such as 'speed, voltage 3'")
+            return column_filter(model, _names(self.columns))
+        text = self.monitor or DEFAULT_MONITOR
+        if self.signals is not None:
+            text = ", ".join([DEFAULT_MONITOR, *_names(self.signals)])
+            _tell_old("--signals", f"--monitor '{text}'")
+        return monitored(model, text, study, "--monitor")
+
+    def tables(self, columns: Columns) -> list[TableFile]:
+        """Tables of a run."""
         paths = ((TableFormat.CSV, self.csv), (TableFormat.PARQUET, self.parquet))
         return [TableFile(path, form, columns) for form, path in paths if path is not None]
 
-    def write(self, run: Trajectory) -> None:
+    def write(self, run: Trajectory, columns: Columns) -> None:
         """Write the curves."""
-        for table in self.tables(run.model):
+        for table in self.tables(columns):
             run.write_table(table)
         if self.npz is not None:
             run.to_npz(self.npz)
+        if self.comtrade is not None:
+            run.write_comtrade(self.comtrade, columns)
 
-    def draw(self, result: Outcome) -> None:
-        """Draw the run: the machines with the largest errors in colour."""
+    def draw(self, result: Outcome, columns: Columns) -> None:
+        """Draw what is watched, or the machines with the largest errors in colour."""
+        if not self.plot:
+            return
+        if self._watching:
+            figure = draw_curves(run_curves(result.run, columns))
+            for picture in self.plot:
+                save_figure(figure, picture)
+            return
         worst = [] if result.comparison is None else ranked(result.comparison)[:_DRAWN]
-        for picture in self.plot or []:
+        for picture in self.plot:
             plot_trajectory(result.run, picture, [error.unit for error in worst], result.detailed)
+
+
+def _tell_old(name: str, now: str) -> None:
+    """Tell of an option that goes with the next release."""
+    err.print(f"warning: {name} is now {now}; the next release knows it no more", style="yellow")
 
 
 def demo(
@@ -239,9 +291,11 @@ def simulate(
     grid = source.build(network)
     method = runs.choose(grid)
     ready = time.perf_counter()
-    task = Disturbance(grid, happenings, runs.t_end, method, criterion)
+    study = choice.external.area.known(grid.case, source.case)
+    task = Disturbance(grid, happenings, runs.t_end, method, criterion, study)
     work = Work(1, round(runs.t_end / method.stepper.step))
-    tables = results.tables(grid)
+    columns = results.watched(grid, study)
+    tables = results.tables(columns)
     simulator = choice.build(grid, source.case, work, method.stepper)
     written = simulator.small is None and not results.whole
     if written:
@@ -252,16 +306,22 @@ def simulate(
     summary = summarize(run) if result.summary is None else result.summary
     record = _run_record(run, summary, ready - began + run.setup_seconds)
     record["model_reason"] = simulator.reason
+    watched = extremes(columns.names, run.table(columns)) if results.printed else []
+    if results.printed:
+        record["monitor"] = [_finite(asdict(item)) for item in watched]
     write_json_option(json, record | result.record())
     if not written:
-        results.write(run)
+        results.write(run, columns)
     if speaks_to_people(json):
         out.print(notice_table(run))
         _print_run(run, summary)
+        if watched:
+            out.print(extremes_table(watched))
         say_method(method.reason)
         say_model(simulator.kind.value, simulator.reason)
+        say_approximate(run.approximate(columns))
         result.show()
-    results.draw(result)
+    results.draw(result, columns)
     raise typer.Exit(exit_code(run.status))
 
 
@@ -270,6 +330,12 @@ simulate.__doc__ = _SIMULATE_HELP
 
 def _stable(run: Trajectory, summary: Summary) -> bool:
     return run.status is Status.COMPLETED and not summary.dark
+
+
+def _finite(record: dict[str, Any]) -> dict[str, Any]:
+    """A record ready for JSON: what is no number is None."""
+    missing = {k: None for k, v in record.items() if isinstance(v, float) and not isfinite(v)}
+    return record | missing
 
 
 def _names(text: str) -> list[str]:

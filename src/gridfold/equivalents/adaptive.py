@@ -428,5 +428,6 @@ def simulate_adaptive(
         setup_seconds=ready - began,
         simulation_seconds=done - ready - reduction,
         method_reason=method.reason,
+        study_buses=small.family.parts.study_buses,
     )
     return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))

@@ -39,7 +39,8 @@ from gridfold.equivalents.swings import Swings, sample_swings
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
-from gridfold.grid.number_ranges import as_ranges, lies_in
+from gridfold.grid.selection import select_machines
+from gridfold.grid.selection_text import as_ranges, parse_selection
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, couple
 from gridfold.reduction import Reducer
@@ -67,15 +68,20 @@ class ReductionSettings:
         return kind.build(self.tolerance, self.order, self.slow_modes, default)
 
 
+#: What messages call the machines that are retained.
+_RETAINED = "external machines to be retained"
+
+
 @dataclass(frozen=True)
 class RetainSettings:
     """Which external machines stay nonlinear: from a column norm (p.u.), at buses, or the best few.
 
-    Buses are given as ranges of their numbers; each range has to have a machine.
+    Machines at buses are given as a text (:mod:`gridfold.grid.selection_text`), such as ``42,50`` or
+    ``area:2``; each part of it has to have one.
     """
 
     column_norm: float | None = None
-    buses: tuple[range, ...] | None = None
+    buses: str | None = None
     count: int | None = None
 
     def __post_init__(self) -> None:
@@ -85,15 +91,16 @@ class RetainSettings:
             )
         if self.count is not None and self.count < 0:
             raise OptionError(f"the number of retained machines must be 0 or more: {self.count}")
+        if self.buses is not None:
+            parse_selection(self.buses, _RETAINED)
 
     def choose(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
         """The machines."""
         if self.buses is not None:
-            for part in self.buses:
-                if not any(unit.bus in part for unit in parts.external_units):
-                    where = f"bus {part[0]}" if len(part) == 1 else f"buses {part[0]}-{part[-1]}"
-                    raise OptionError(f"no external machine to be retained is at {where}")
-            return tuple(u for u in parts.external_units if lies_in(u.bus, self.buses))
+            among = parts.external_units
+            case, inside = parts.model.case, parts.study_buses
+            chosen = set(select_machines(self.buses, case, _RETAINED, inside, among))
+            return tuple(unit for unit in among if unit in chosen)
         if self.count is not None:
             return rank_retained(parts, swings).first(self.count) if self.count else ()
         return couple(parts).kept(COLUMN_NORM if self.column_norm is None else self.column_norm)

@@ -7,6 +7,7 @@ files that planners exchange. Device parameters are per unit on the generator's 
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
@@ -20,6 +21,7 @@ from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.replacement import Replacement
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
+_LABEL = {"label": True}  # fields that no simulation depends on: no part of the fingerprint
 
 
 class UnitKey(NamedTuple):
@@ -53,6 +55,7 @@ class Bus:
     angle_deg: float = 0.0
     latitude: float | None = None
     longitude: float | None = None
+    owner: int = field(default=1, metadata=_LABEL)
 
     def __str__(self) -> str:
         return f"bus {self.number}"
@@ -223,6 +226,8 @@ class Case:
     area_names: Mapping[int, str] = field(default_factory=dict)
     dc_lines: tuple[DcLine, ...] = ()
     flow_controls: tuple[FlowControl, ...] = field(default=(), compare=False, repr=False)
+    zone_names: Mapping[int, str] = field(default_factory=dict)
+    owner_names: Mapping[int, str] = field(default_factory=dict)
     origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     unsupported: tuple[str, ...] = field(default=(), compare=False)
     notices: tuple[str, ...] = field(default=(), compare=False)
@@ -236,6 +241,16 @@ class Case:
     def bus_index(self) -> dict[int, int]:
         """Position of each bus number in `buses`."""
         return {bus.number: position for position, bus in enumerate(self.buses)}
+
+    @cached_property
+    def branch_names(self) -> tuple[str, ...]:
+        """``FROM-TO`` of each branch, ``FROM-TO:CIRCUIT`` where several join the same buses."""
+        parallel = Counter(frozenset((item.from_bus, item.to_bus)) for item in self.branches)
+        return tuple(
+            f"{item.from_bus}-{item.to_bus}"
+            + (f":{item.circuit}" if parallel[frozenset((item.from_bus, item.to_bus))] > 1 else "")
+            for item in self.branches
+        )
 
     @cached_property
     def branches_out(self) -> frozenset[int]:
@@ -268,9 +283,13 @@ class Case:
 
 
 def _print(record: Record) -> str:
-    """``repr(record)`` without later fields at their default: old fingerprints stay valid."""
+    """``repr(record)`` without labels and without later fields at their default.
+
+    Old fingerprints stay valid.
+    """
     values = ((item, getattr(record, item.name)) for item in fields(record))
-    shown = (f"{f.name}={v!r}" for f, v in values if not (f.metadata and v == f.default))
+    kept = ((f, v) for f, v in values if "label" not in f.metadata)
+    shown = (f"{f.name}={v!r}" for f, v in kept if not (f.metadata and v == f.default))
     return f"{type(record).__name__}({', '.join(shown)})"
 
 

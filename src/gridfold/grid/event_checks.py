@@ -11,7 +11,8 @@ from typing import TypeVar
 from gridfold.errors import EventError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.network_state import NetworkState, OpenEnd
-from gridfold.grid.number_ranges import Numbered, numbers_in
+from gridfold.grid.selection import select_buses
+from gridfold.grid.selection_text import Word
 
 Name = TypeVar("Name")
 Size = TypeVar("Size", float, complex)
@@ -78,18 +79,17 @@ def place_text(buses: str, areas: str, zones: str) -> str:
 
 
 def chosen_buses(where: str, case: Case, buses: str, areas: str, zones: str) -> frozenset[int]:
-    """Numbers of all buses that one of the texts names, each such as ``1-36,78``."""
-    texts = {Numbered.BUS: buses, Numbered.AREA: areas, Numbered.ZONE: zones}
+    """Numbers of all buses that one of the texts chooses, each such as ``1-36,78`` or ``area:1``."""
+    texts = {Word.BUS: buses, Word.AREA: areas, Word.ZONE: zones}
     if not any(texts.values()):
         raise EventError(f"{where}: say where, by buses, areas or zones")
     found: set[int] = set()
-    for kind, text in texts.items():
+    for word, text in texts.items():
         if text:
             try:
-                numbers = set(numbers_in(case, str(text), f"{kind.value} numbers", kind))
+                found.update(select_buses(str(text), case, f"{word.value} numbers", word=word))
             except OptionError as error:
                 raise EventError(f"{where}: {error}") from None
-            found |= {bus.number for bus in case.buses if kind.of(bus) in numbers}
     return frozenset(found)
 
 

@@ -39,7 +39,10 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "base_mva": (int, float),
     "frequency_hz": (int, float),
     "area_names": (dict,),
+    "zone_names": (dict,),
+    "owner_names": (dict,),
 }
+_NAMES = ("area_names", "zone_names", "owner_names")
 _DEPTH_LIMIT = 8
 
 
@@ -154,12 +157,12 @@ def _read_settings(path: Path) -> dict[str, Any]:
             faults.append(f"unknown setting {name!r}; {suggest(name, list(_SETTINGS))}")
         elif not isinstance(value, _SETTINGS[name]) or isinstance(value, bool):
             faults.append(f"{name}: {value!r} has the wrong type")
-    if isinstance(settings.get("area_names"), dict):
-        try:
-            names = {int(number): str(name) for number, name in settings["area_names"].items()}
-            settings["area_names"] = names
-        except ValueError as error:
-            faults.append(f"area_names: {error}")
+    for key in _NAMES:
+        if isinstance(settings.get(key), dict):
+            try:
+                settings[key] = {int(number): str(name) for number, name in settings[key].items()}
+            except ValueError as error:
+                faults.append(f"{key}: {error}")
     if faults:
         raise CaseFileError(faults, str(path))
     return settings

@@ -172,6 +172,7 @@ def _star_bus(draft: Draft, row: Row, name: str) -> Bus:
         name=f"star {row.get('name') or name}",
         area=joined.area,
         zone=joined.zone,
+        owner=joined.owner,
         voltage_pu=voltage,
         angle_deg=angle,
     )

@@ -20,8 +20,9 @@ Conventions taken over from these files:
 - Of a MATPOWER file only what is literal counts, :mod:`gridfold.io.matpower_file`.
 - A blank field of a RAW file is what the manual of PSS/E says, :mod:`gridfold.io.raw_layouts`.
 
-Zones, owners, inter-area transfers and groups of line sections are not read: no result depends on
-them. Nor are the nodes of substations, which is told: what is switched within them is not seen.
+Owners are those of the buses. Inter-area transfers and groups of line sections are not read: no result
+depends on them. Nor are the nodes of substations, which is told: what is switched within them is not
+seen.
 """
 
 from __future__ import annotations
@@ -168,6 +169,8 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
             *case.notices,
         ),
         doubts=tuple(codes.doubts),
+        zone_names=records.zone_names,
+        owner_names=records.owner_names,
         file_counts=_raw_counts(sections),
     )
 

@@ -26,6 +26,8 @@ from gridfold.io.powerio_branches import add_branches, add_three_winding
 _CONTROL = {"PQ": Control.POWER, "PV": Control.VOLTAGE, "REF": Control.SLACK}
 #: Key under which the row of a generator holds the names of its fields that were blank.
 BLANK_FIELDS = "blank_fields"
+#: Key under which the row of a bus holds its owner.
+OWNER = "owner"
 _LEFT_OUT = {
     "static_var_compensators": "static var compensator",
     "storage": "storage",
@@ -126,6 +128,7 @@ def _bus(row: Row) -> Bus:
         zone=row["zone"],
         voltage_pu=float(row["vm"]),
         angle_deg=float(row["va"]),
+        owner=row.get(OWNER, Bus.owner),
     )
 
 

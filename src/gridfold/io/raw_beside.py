@@ -7,14 +7,16 @@ from typing import Any
 
 from gridfold.io.flow_controls import bus_number
 from gridfold.io.powerio_branches import JOINS, LINE_CHARGING
-from gridfold.io.powerio_records import BLANK_FIELDS, Extras
+from gridfold.io.powerio_records import BLANK_FIELDS, OWNER, Extras
 from gridfold.io.raw_dc import DcLines
 from gridfold.io.raw_records import CompleteRecords
 from gridfold.io.raw_sections import RawSections
 
 
 def annotate(data: Mapping[str, Any], records: CompleteRecords, threshold: float) -> None:
-    """Tell of lines and generators what powerio does not."""
+    """Tell of buses, lines and generators what powerio does not."""
+    for row, owner in zip(data["buses"], records.owners, strict=True):
+        row[OWNER] = owner
     for row, charging in zip(data["branches"], records.line_charging, strict=False):
         row[LINE_CHARGING] = charging
         row[JOINS] = float(row["r"]) == 0 and abs(float(row["x"])) <= threshold

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcRecord
-from gridfold.io.raw_fields import Field, plain_number, plain_real, split_fields
+from gridfold.io.raw_fields import Field, is_integer, plain_number, plain_real, split_fields
 from gridfold.io.raw_layouts import WRITTEN_SINCE, Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
 from gridfold.io.raw_windings import refer_to_buses
@@ -62,6 +62,10 @@ class CompleteRecords:
         Line and fields of each bus record that holds a shunt, up to revision 30.
     dc_records : list of DcRecord
         Records of dc lines with two ends.
+    owners : list of int
+        Owner of each bus.
+    zone_names, owner_names : dict of int to str
+        Names of zones and owners.
     """
 
     text: str = ""
@@ -73,6 +77,9 @@ class CompleteRecords:
     held_by_shunts: list[str] = field(default_factory=list)
     bus_shunts: list[tuple[int, Mapping[str, str]]] = field(default_factory=list)
     dc_records: list[DcRecord] = field(default_factory=list)
+    owners: list[int] = field(default_factory=list)
+    zone_names: dict[int, str] = field(default_factory=dict)
+    owner_names: dict[int, str] = field(default_factory=dict)
 
 
 def complete_records(sections: RawSections, revision: int) -> CompleteRecords:
@@ -97,7 +104,7 @@ class _Writer:
                 if section in self.layouts:
                     self._record(section, record)
                 else:
-                    self._unknown(record)
+                    self._unknown(section, record)
         self.done.text = "\n".join(self.lines)
         self.done.faults.sort(key=lambda fault: int(fault.split()[1].rstrip(":")))
         return self.done
@@ -170,6 +177,7 @@ class _Writer:
     ) -> None:
         values = written[0]
         if section == "BUS":
+            self.done.owners.append(_whole(values["OWNER"]) or 1)
             if "BASKV" not in blanks:
                 self.kilovolts[values["I"]] = values["BASKV"]
             self._bus_shunt(record[0], values)
@@ -191,7 +199,7 @@ class _Writer:
         if any(_float(text) for text in given.values()):
             self.done.bus_shunts.append((number, values))
 
-    def _unknown(self, record: Sequence[int]) -> None:
+    def _unknown(self, section: str, record: Sequence[int]) -> None:
         for number in record:
             try:
                 fields = split_fields(self.lines[number - 1])
@@ -199,6 +207,16 @@ class _Writer:
                 continue
             if any(_number(item) != item.written for item in fields):
                 self.lines[number - 1] = ",".join(_number(item) for item in fields)
+            self._remember_name(section, fields)
+
+    def _remember_name(self, section: str, fields: Sequence[Field]) -> None:
+        """Name of a zone or an owner, of a record number, name."""
+        names = {"ZONE": self.done.zone_names, "OWNER": self.done.owner_names}.get(section)
+        if names is None or len(fields) < 2 or fields[1].blank:
+            return
+        number = _whole(fields[0].text)
+        if number is not None:
+            names[number] = fields[1].text.strip()
 
     def _split(self, number: int) -> list[Field] | None:
         try:
@@ -226,6 +244,10 @@ def _complete(column: Column, given: Field, defaults: Mapping[Base, str]) -> str
 
 def _number(item: Field) -> str:
     return item.written if item.quoted else plain_real(item.text)
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if is_integer(text.strip()) else None
 
 
 def _float(text: str) -> float:

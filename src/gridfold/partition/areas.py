@@ -16,6 +16,8 @@ from gridfold.dynamics.area_model import nonlinear_functions
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.selection import select_buses
+from gridfold.grid.selection_text import Word
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,23 @@ def study_buses(
     if not chosen:
         raise OptionError("the study area is empty; give it by buses, areas or zones")
     return chosen
+
+
+def chosen_study_buses(
+    case: Case, where: str, buses: str | None, areas: str | None, zones: str | None
+) -> frozenset[int] | None:
+    """Bus numbers of a study area that texts choose, their union; None where there is no text.
+
+    The texts are selections (:mod:`gridfold.grid.selection_text`), of which numbers are first those of
+    buses, areas or zones; messages call them by `where` and that word.
+    """
+    asked = ((buses, "buses", Word.BUS), (areas, "areas", Word.AREA), (zones, "zones", Word.ZONE))
+    found = [
+        select_buses(text, case, f"{where}{name}", word=word)
+        for text, name, word in asked
+        if text is not None
+    ]
+    return study_buses(case, {number for part in found for number in part}) if found else None
 
 
 def partition(model: DetailedModel, study: Collection[int]) -> Partition:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from gridfold.grid.case import UnitKey
 from gridfold.report.plain import picture_text
-from gridfold.report.style import BACKGROUND_LINE, PALETTE, new_figure, save_figure
+from gridfold.report.style import (
+    BACKGROUND_LINE,
+    FAULT_SHADE,
+    PALETTE,
+    new_figure,
+    put_title,
+    save_figure,
+)
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import summarize
 from gridfold.runs.trajectory import AngleReference, Trajectory
@@ -20,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _NAMED = 6
-_FAULT_SHADE = "#f4d9c6"
 
 
 def plot_trajectory(
@@ -62,7 +68,7 @@ def plot_trajectory(
     voltage.legend(loc="lower right", ncols=3, fontsize="small")
     what = "; ".join(f"{notice.time:g} s: {notice.text}" for notice in run.notices[:4])
     title = f"{run.model.case.name}, {run.simulated.name} model: {run.status.value}"
-    angle.set_title(picture_text(f"{title}\n{what}"), fontsize="medium")
+    put_title(figure, f"{title}\n{what}" if what else title)
     save_figure(figure, path)
 
 
@@ -84,7 +90,7 @@ def plot_eigenvalues(modes: SmallSignal, title: str, path: Path) -> None:
     axes.set_ylabel("Imaginary part (rad/s)")
     hidden = len(values) - len(shown)
     text = f"{title} ({hidden} modes lie further left; dashed: damping ratio)"
-    axes.set_title(picture_text(text))
+    put_title(figure, text)
     axes.grid(color="#eeeeee")
     save_figure(figure, path)
 
@@ -119,6 +125,6 @@ def _draw_background(axes: Axes, times: NDArray[np.float64], values: NDArray[np.
 def _mark_events(axes: Axes, run: Trajectory) -> None:
     for piece, model in zip(run.run.pieces, run.models, strict=False):
         if model.state.faulted:
-            axes.axvspan(piece.times[0], piece.times[-1], color=_FAULT_SHADE, linewidth=0)
+            axes.axvspan(piece.times[0], piece.times[-1], color=FAULT_SHADE, linewidth=0)
         elif piece.times[0] > 0:
             axes.axvline(piece.times[0], color="#999999", linewidth=0.8, linestyle=":")

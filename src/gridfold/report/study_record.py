@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gridfold.io.study_store import StudyStore
 from gridfold.paper.published import SOURCE, TABLE_1
+from gridfold.report.curves import axis_text
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.grid_layout import with_places
 from gridfold.report.study_file_text import study_file_text
@@ -34,6 +35,8 @@ _DIGITS = 6
 _MISSING, _LARGEST = -32768, 32000
 #: Finest step of a curve in the page: degrees.
 _FINEST_DEG = 0.01
+#: What was watched, where nothing was.
+_NONE: Record = {"panels": []}
 _LOST = re.compile(r"lost synchronism: rotor_angle:(\S+) at (\S+) s")
 _OFF_SPEED = re.compile(r"off speed: speed:(\S+) at (\S+) s")
 
@@ -216,6 +219,7 @@ def _all_curves(store: StudyStore, numbers: Sequence[int], room: int) -> Record:
         if found is not None:
             curves[number] = found
             room -= sum(len(run["content"]) for run in found["runs"].values())
+            room -= sum(len(panel["content"]) for panel in found.get("watched", _NONE)["panels"])
     return {"times": times, "curves": curves, "some_left_out": room <= 0}
 
 
@@ -229,6 +233,8 @@ def _curves(curves: Mapping[str, NDArray[Any]] | None, times: list[list[float]])
             where = _position(curves[f"{name}_times"], times)
             # Sample after sample of one machine, then of the next.
             record["runs"][name] = {"times": where, **packed(curves[f"{name}_angles"].T)}
+    if "watched_names" in curves:
+        record["watched"] = _watched(curves, times)
     if "error" in curves:
         record["error"] = packed(curves["error"], finest=1e-4)
     record["switches"] = [
@@ -238,6 +244,26 @@ def _curves(curves: Mapping[str, NDArray[Any]] | None, times: list[list[float]])
         )
     ]
     return record
+
+
+def _watched(curves: Mapping[str, NDArray[Any]], times: list[list[float]]) -> Record:
+    """What was watched, kind by kind, each with a factor of its own."""
+    names, values = curves["watched_names"].tolist(), curves["watched_values"]
+    kinds = dict.fromkeys(name.partition(":")[0] for name in names)
+    panels = []
+    for kind in kinds:
+        places = [k for k, name in enumerate(names) if name.partition(":")[0] == kind]
+        size = float(np.nanmax(np.abs(values[places]), initial=0.0))
+        panels.append(
+            {
+                "kind": kind,
+                "axis": axis_text(kind).replace("\n", " "),
+                "labels": [names[k].partition(":")[2] for k in places],
+                **packed(values[places], finest=size / _LARGEST or 1.0),
+            }
+        )
+    where = _position(curves["watched_times"], times)
+    return {"times": where, "panels": panels, "left_out": int(curves["watched_left_out"])}
 
 
 def _position(samples: NDArray[Any], times: list[list[float]]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan
 
 from rich.text import Text
 
@@ -17,13 +18,15 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.moved_modes import MOVED, ComparedMode, compared_modes
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
+from gridfold.grid.events import BusFault
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
 from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
-from gridfold.runs.clearing_time import ClearingTime
+from gridfold.runs.clearing_time import ClearingTime, Fault
 from gridfold.runs.device_check import Finding
+from gridfold.runs.monitor.extremes import Extremes
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
@@ -277,18 +280,39 @@ def mode_table(modes: SmallSignal, shown: Sequence[int]) -> PlainTable:
     return table
 
 
+def extremes_table(rows: Sequence[Extremes], limit: int = 40) -> PlainTable:
+    """Start, end and extremes of what was watched; the first `limit` columns."""
+    table = PlainTable(title="Watched", title_justify="left")
+    table.add_column("column", overflow="fold")
+    for name in ("start", "lowest", "at (s)", "highest", "at (s)", "end"):
+        table.add_column(name, justify="right")
+    for row in rows[:limit]:
+        figures = (row.start, row.lowest, row.lowest_at, row.highest, row.highest_at, row.end)
+        table.add_row(row.name, *("" if isnan(value) else f"{value:.5g}" for value in figures))
+    if len(rows) > limit:
+        table.note(f"{len(rows) - limit:,} more columns; --csv or --parquet writes all of them")
+    return table
+
+
 def clearing_table(times: Sequence[ClearingTime]) -> PlainTable:
-    """Critical clearing times by bus."""
+    """Critical clearing times of faults at buses and at ends of lines."""
     table = PlainTable(title="Critical clearing times", title_justify="left")
-    table.add_column("bus", justify="right")
+    table.add_column("fault")
     table.add_column("CCT (s)", justify="right")
     table.add_column("runs", justify="right")
     for item in times:
         mark = "" if item.bounded else ">= "
-        table.add_row(
-            str(getattr(item.fault, "bus", "")), f"{mark}{item.seconds:g}", str(item.runs)
-        )
+        table.add_row(_fault_name(item.fault), f"{mark}{item.seconds:g}", str(item.runs))
     return table
+
+
+def _fault_name(fault: Fault) -> str:
+    if isinstance(fault, BusFault):
+        return f"bus {fault.bus}"
+    if fault.fraction in (0.0, 1.0):
+        first, second = fault.branch.partition(":")[0].split("-")
+        return f"line {fault.branch} at {second if fault.fraction else first}"
+    return f"line {fault.branch} at {100 * fault.fraction:g} %"
 
 
 def partition_facts(

@@ -65,6 +65,11 @@ class Part:
         result[:, columns] = among.references(self.states_at(frame.slots))
         return result
 
+    @property
+    def following(self) -> Part:
+        """The row of the piece after the last one, at whose time the next part begins; maybe none."""
+        return replace(self, first=self.last, last=min(self.last + 1, len(self.piece.times)))
+
     def blocks(self, rows: int) -> Iterator[Part]:
         """The same in parts of at most so many rows."""
         for first in range(self.first, self.last, rows):

@@ -14,7 +14,7 @@ _MODEL = 20_000
 #: Advice for runs that keep all of their states.
 _SHORTER = (
     "A longer step or an earlier end takes less. A detailed run that writes tables alone is written "
-    "piece by piece (--model detailed --csv FILE --columns ...)."
+    "piece by piece (--model detailed --csv FILE --monitor ...)."
 )
 
 

@@ -37,6 +37,7 @@ def simulate_to_files(
     method: Choice | None = None,
     criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
     store: ModelStore | None = None,
+    study_buses: frozenset[int] | None = None,
 ) -> StreamedRun:
     """Simulate on the detailed model and write tables of it row by row.
 
@@ -54,6 +55,8 @@ def simulate_to_files(
         As in :func:`gridfold.simulate`.
     method : Choice, optional
         The stepper and why, from :func:`gridfold.choose_stepper`.
+    study_buses : frozenset of int, optional
+        Bus numbers of the study area, for the metadata.
 
     Raises
     ------
@@ -72,7 +75,7 @@ def simulate_to_files(
         writers = [stack.enter_context(table.open()) for table in tables]
         takers: tuple[Taker, ...] = (summarizer, *writers)
         run = simulate(model, events, t_end, chosen.stepper, criterion, store, takers)
-        run = replace(run, method_reason=chosen.reason)
-        for writer in writers:
-            writer.file.metadata = run.metadata()
+        run = replace(run, method_reason=chosen.reason, study_buses=study_buses)
+        for table, writer in zip(tables, writers, strict=True):
+            writer.file.metadata = run.metadata(table.columns)
     return StreamedRun(run, summarizer.summary())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gridfold.ceilings import require_disk
 from gridfold.io.row_files import OpenRows, RowFile, csv_rows, parquet_rows
-from gridfold.runs.columns import Columns
+from gridfold.runs.monitor.columns import Columns, RowReader
 from gridfold.runs.parts import Part
 
 #: Rows of a table that are made and written together.
@@ -39,12 +39,12 @@ class TableWriter:
     """Writes the rows of a run into a file, and its metadata at the end."""
 
     file: RowFile
-    columns: Columns
+    rows: RowReader
 
     def take(self, part: Part) -> None:
         """Write the next rows."""
         for block in part.blocks(ROWS):
-            self.file.append(self.columns.rows(block))
+            self.file.append(self.rows.take(block))
 
 
 @dataclass(frozen=True)
@@ -59,20 +59,20 @@ class TableFile:
     def open(self) -> Iterator[TableWriter]:
         """What writes it; the file takes its name at the end of the block."""
         with self.format.open(self.path, self.columns.header) as file:
-            yield TableWriter(file, self.columns)
+            yield TableWriter(file, self.columns.reader())
 
     def check_size(self, samples: float) -> None:
-        """Refuse a table of so many rows that does not fit on its disk.
+        """Refuse a table of a run of so many rows that does not fit on its disk.
 
         Raises
         ------
         OutputError
             It does not.
         """
-        count = len(self.columns.header)
+        count, samples = len(self.columns.header), samples / self.columns.every
         require_disk(
             self.path,
             f"a table of {samples:,.0f} rows and {count:,} columns",
             samples * count * self.format.bytes_a_number,
-            "Fewer columns (--columns), a longer step or an earlier end take less.",
+            "Fewer columns or rows (--monitor), a longer step or an earlier end take less.",
         )

@@ -17,12 +17,15 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.events import Event
+from gridfold.io.comtrade import Channel, write_comtrade
 from gridfold.io.event_records import event_record
 from gridfold.io.results import write_npz
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.basis import basis_of
-from gridfold.runs.columns import Columns, all_columns, chosen_columns
+from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored
+from gridfold.runs.monitor.record import columns_record
+from gridfold.runs.monitor.text import unit_of
 from gridfold.runs.notices import Notice
 from gridfold.runs.parts import Part
 from gridfold.runs.synchronism import SynchronismCriterion, angle_frame
@@ -33,6 +36,7 @@ from gridfold.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class AngleReference(Enum):
@@ -73,6 +77,8 @@ class Trajectory:
         Which model was simulated, for the metadata; by default told from the pieces alone.
     method_reason : str, optional
         Why this stepper, for the metadata.
+    study_buses : frozenset of int, optional
+        Bus numbers of the study area, where there is one.
     """
 
     model: DetailedModel = field(repr=False)
@@ -87,6 +93,7 @@ class Trajectory:
     simulation_seconds: float
     used_model: UsedModel | None = None
     method_reason: str | None = None
+    study_buses: frozenset[int] | None = None
 
     @property
     def simulated(self) -> UsedModel:
@@ -188,44 +195,87 @@ class Trajectory:
             yield rows, part.model
             start = rows.stop
 
-    def columns(self, signals: Sequence[str] = (), only: Sequence[str] = ()) -> Columns:
-        """Columns of the tables: all with further `signals`, or `only` those that patterns name."""
-        return chosen_columns(self.model, only) if only else all_columns(self.model, signals)
+    def columns(self, monitor: str = DEFAULT_MONITOR) -> Columns:
+        """Columns of a table of what `monitor` asks for, see :meth:`frame`."""
+        return monitored(self.model, monitor, self.study_buses)
 
-    def to_pandas(self, signals: Sequence[str] = (), only: Sequence[str] = ()) -> pd.DataFrame:
-        """A table with ``time``, ``angle_deg:BUS:ID``, ``speed_pu:BUS:ID`` and ``voltage_pu:BUS``.
+    def frame(self, monitor: str = DEFAULT_MONITOR) -> pd.DataFrame:
+        """A table of what is watched: a column ``time`` in s, and one for each quantity.
 
-        Further `signals` by name become columns ``NAME:BUS:ID`` for every machine that has them. With
-        `only` the table has no others than those columns, given by name or as ``speed_pu:*``. The
-        frame's ``attrs`` hold the metadata.
+        Parameters
+        ----------
+        monitor : str
+            What is watched, such as ``"flow 101-103, voltage 1001-1050, every 5"``
+            (:mod:`gridfold.runs.monitor.text`). By default rotor angles and speeds of all machines and
+            the voltages of all buses.
+
+        Returns
+        -------
+        pandas.DataFrame
+            With columns such as ``p_mw:101-103`` and ``voltage_pu:1001``; its ``attrs`` hold the
+            metadata.
+
+        Raises
+        ------
+        OptionError
+            A part of the text has no meaning, or names what is not there.
         """
         import pandas as pd
 
-        columns = self.columns(signals, only)
-        blocks = (block for part in self.parts for block in part.blocks(ROWS))
-        rows = np.concatenate([columns.rows(block) for block in blocks])
-        frame = pd.DataFrame(rows, columns=list(columns.header))
-        frame.attrs.update(self.metadata())
+        columns = self.columns(monitor)
+        frame = pd.DataFrame(self.table(columns), columns=list(columns.header))
+        frame.attrs.update(self.metadata(columns))
         return frame
 
-    def to_csv(
-        self, path: str | Path, signals: Sequence[str] = (), only: Sequence[str] = ()
-    ) -> None:
-        """Write :meth:`to_pandas` as CSV, and the metadata beside it as ``NAME.meta.json``."""
-        self.write_table(TableFile(Path(path), TableFormat.CSV, self.columns(signals, only)))
+    def plot(self, monitor: str = DEFAULT_MONITOR) -> Figure:
+        """A picture of what is watched, a panel for each kind of quantity.
 
-    def to_parquet(
-        self, path: str | Path, signals: Sequence[str] = (), only: Sequence[str] = ()
-    ) -> None:
-        """Write :meth:`to_pandas` as Parquet with the metadata in the file's own."""
-        self.write_table(TableFile(Path(path), TableFormat.PARQUET, self.columns(signals, only)))
+        `monitor` is as in :meth:`frame`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Shown by a notebook, saved by its ``savefig``.
+        """
+        from gridfold.report.curves import draw_curves, run_curves
+
+        return draw_curves(run_curves(self, self.columns(monitor)))
+
+    def table(self, columns: Columns) -> NDArray[np.float64]:
+        """Rows of the time and of `columns`, shape (n_rows, 1 + n_columns)."""
+        reader = columns.reader()
+        blocks = (block for part in self.parts for block in part.blocks(ROWS))
+        return np.concatenate([reader.take(block) for block in blocks])
+
+    def to_csv(self, path: str | Path, monitor: str = DEFAULT_MONITOR) -> None:
+        """Write :meth:`frame` as CSV, and the metadata beside it as ``NAME.meta.json``."""
+        self.write_table(TableFile(Path(path), TableFormat.CSV, self.columns(monitor)))
+
+    def to_parquet(self, path: str | Path, monitor: str = DEFAULT_MONITOR) -> None:
+        """Write :meth:`frame` as Parquet with the metadata in the file's own."""
+        self.write_table(TableFile(Path(path), TableFormat.PARQUET, self.columns(monitor)))
 
     def write_table(self, table: TableFile) -> None:
         """Write a table, and the metadata beside it or in it."""
         with table.open() as writer:
             for part in self.parts:
                 writer.take(part)
-            writer.file.metadata = self.metadata()
+            writer.file.metadata = self.metadata(table.columns)
+
+    def to_comtrade(self, path: str | Path, monitor: str = DEFAULT_MONITOR) -> None:
+        """Write :meth:`frame` in COMTRADE, ``NAME.cfg`` and ``NAME.dat`` (IEEE C37.111-1999, ASCII)."""
+        self.write_comtrade(Path(path), self.columns(monitor))
+
+    def write_comtrade(self, path: Path, columns: Columns) -> None:
+        """The same of columns that are known."""
+        table, case = self.table(columns), self.model.case
+        channels = [
+            Channel(name, unit_of(name), values)
+            for name, values in zip(columns.names, table.T[1:], strict=True)
+        ]
+        began = next((notice.time for notice in self.notices if notice.time > 0), 0.0)
+        device = f"gridfold {__version__}"
+        write_comtrade(path, case.name, device, table[:, 0], channels, case.frequency_hz, began)
 
     def to_npz(self, path: str | Path) -> None:
         """Write times, all states with their names, and the metadata as a NumPy archive."""
@@ -236,8 +286,8 @@ class Trajectory:
         }
         write_npz(Path(path), arrays, self.metadata())
 
-    def metadata(self) -> dict[str, Any]:
-        """Everything needed to repeat the run, and its outcome; ready for JSON."""
+    def metadata(self, columns: Columns | None = None) -> dict[str, Any]:
+        """Everything needed to repeat the run, its outcome, and what `columns` are about, for JSON."""
         case = self.model.case
         stepper: dict[str, Any] = {"name": self.stepper.name, "step": self.stepper.step}
         tolerance = getattr(self.stepper, "tolerance", None)
@@ -268,7 +318,26 @@ class Trajectory:
             "steps": self.run.step_count,
             "notices": [notice._asdict() for notice in self.notices],
             **basis_of(self.model).record(),
+            **({} if columns is None else {"columns": self._columns_record(columns)}),
         }
+
+    def approximate(self, columns: Columns) -> tuple[str, ...]:
+        """Columns about buses or machines outside the study area that a reduced model stands for.
+
+        There the states are those nearest to the reduced ones, and what follows from them is no more
+        exact than they are.
+        """
+        small = any(piece.segment.coordinates is not None for piece in self.run.pieces)
+        if not small or self.study_buses is None:
+            return ()
+        named = zip(columns.names, columns.buses, strict=True)
+        return tuple(name for name, buses in named if not self.study_buses.issuperset(buses))
+
+    def _columns_record(self, columns: Columns) -> dict[str, Any]:
+        about = {bus for buses in columns.buses for bus in buses}
+        record = columns_record(self.model.case, about, self.study_buses)
+        approximate = self.approximate(columns)
+        return record | {"every": columns.every, "approximate": list(approximate)}
 
     # What the methods above share.
 

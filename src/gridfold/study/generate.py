@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -11,15 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError, EventError, OptionError
-from gridfold.grid.case import Branch, Case
+from gridfold.grid.case import Branch, Case, UnitKey
 from gridfold.grid.events import BranchFault, BusFault, Event, MachineTrip
-from gridfold.grid.number_ranges import Numbered, numbers_in
+from gridfold.grid.selection import LineEnd, select_buses, select_lines, select_machines
+from gridfold.grid.selection_text import Word
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.event_records import event_from_record, event_record
 from gridfold.io.tables import read_table
 from gridfold.study.study_file import ContingencySection, Study
-
-_PLACE = re.compile(r"\s*(area|zone)s?\s+(.+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,17 @@ def list_contingencies(
     wanted = study.contingencies
     start, duration = wanted.start, wanted.clearing_time
 
-    def choose(key: str) -> frozenset[int]:
-        return select_buses(getattr(wanted, key), case, study_buses, f"contingencies.{key}")
-
+    buses = select_buses(wanted.bus_faults, case, "contingencies.bus_faults", study_buses)
+    lines = select_lines(
+        wanted.line_faults, case, "contingencies.line_faults", study_buses, Word.BUS
+    )
+    units = select_machines(
+        wanted.machine_trips, case, "contingencies.machine_trips", study_buses, tripped_units(case)
+    )
     found: list[tuple[str, str, tuple[Event, ...]]] = []
-    found += bus_faults(case, choose("bus_faults"), start, duration)
-    found += line_faults(case, choose("line_faults"), start, duration)
-    found += machine_trips(case, choose("machine_trips"), start)
+    found += bus_faults(case, buses, start, duration)
+    found += line_faults(case, lines, start, duration)
+    found += machine_trips(units, start)
     if wanted.csv is not None:
         found += from_table(folder / wanted.csv)
     found += [_explicit(section) for section in study.contingency]
@@ -100,26 +102,6 @@ def list_contingencies(
     return tuple(result)
 
 
-def select_buses(
-    text: str, case: Case, study_buses: frozenset[int], what: str = "buses"
-) -> frozenset[int]:
-    """Bus numbers from ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3`` or ``1-36,78``."""
-    words = " ".join(text.lower().split())
-    everything = frozenset(case.bus_index)
-    named = {"none": frozenset[int](), "all": everything, "study area": study_buses}
-    if words in named:
-        return named[words]
-    if place := _PLACE.fullmatch(words):
-        kind = Numbered(place[1])
-        numbers = set(numbers_in(case, place[2], what, kind))
-        return frozenset(bus.number for bus in case.buses if kind.of(bus) in numbers)
-    if not re.match(r"\d", words):
-        raise OptionError(
-            f"{what}: {text!r} is none of 'study area', 'all', 'none', 'area 2', 'zone 1', '1-36,78'"
-        )
-    return frozenset(numbers_in(case, words, what))
-
-
 def bus_faults(
     case: Case, buses: Iterable[int], start: float, duration: float
 ) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
@@ -131,31 +113,29 @@ def bus_faults(
 
 
 def line_faults(
-    case: Case, buses: Iterable[int], start: float, duration: float
+    case: Case, lines: Iterable[LineEnd], start: float, duration: float
 ) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
-    """A fault at both ends of each branch in service between the buses, cleared by tripping it."""
-    inside = set(buses)
-    parallel = Counter(frozenset((branch.from_bus, branch.to_bus)) for branch in case.branches)
-    for branch in case.branches:
-        ends = frozenset((branch.from_bus, branch.to_bus))
-        if branch.in_service and ends <= inside:
-            circuit = f":{branch.circuit}" if parallel[ends] > 1 else ""
-            name = f"{branch.from_bus}-{branch.to_bus}{circuit}"
+    """A fault at both ends of each of the branches that is in service, cleared by tripping it."""
+    for position in sorted({line.position for line in lines}):
+        branch, name = case.branches[position], case.branch_names[position]
+        if branch.in_service:
             for end, fraction in ((branch.from_bus, 0.0), (branch.to_bus, 1.0)):
                 fault = BranchFault(name, start, duration, fraction)
                 yield f"{_kind(branch)} {name} at {end}", "line fault", (fault,)
 
 
-def machine_trips(
-    case: Case, buses: Iterable[int], start: float
-) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
-    """The trip of each machine in service at the buses."""
-    inside = set(buses)
+def tripped_units(case: Case) -> list[UnitKey]:
+    """Machines in service, in the order of the case."""
     with_machine = {record.key for record in case.devices}
-    for unit in case.generators:
-        if unit.in_service and unit.bus in inside and unit.key in with_machine:
-            trip = MachineTrip(unit.bus, unit.id, start)
-            yield f"machine {unit.key}", "machine trip", (trip,)
+    return [u.key for u in case.generators if u.in_service and u.key in with_machine]
+
+
+def machine_trips(
+    units: Iterable[UnitKey], start: float
+) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+    """The trip of each of the machines."""
+    for unit in units:
+        yield f"machine {unit}", "machine trip", (MachineTrip(unit.bus, unit.id, start),)
 
 
 def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:

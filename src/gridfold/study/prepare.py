@@ -33,18 +33,19 @@ from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import EventError, OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BusFault
-from gridfold.grid.number_ranges import Numbered, as_ranges, numbers_in
 from gridfold.grid.relays import Relay
+from gridfold.grid.selection_text import as_ranges
 from gridfold.grid.timeline import build_timeline, initial_state
 from gridfold.io.event_records import relays_of
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
-from gridfold.partition import Partition, partition, study_buses
+from gridfold.partition import Partition, chosen_study_buses, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import basis_of
 from gridfold.runs.loading import load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
+from gridfold.runs.monitor import Columns, monitored
 from gridfold.runs.own_devices import devices_in
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
@@ -135,6 +136,7 @@ class Prepared:
     time_limit: float | None = None
     tolerant: TolerantModel | None = None
     relays: tuple[Relay, ...] = ()
+    columns: Columns | None = None
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -170,6 +172,7 @@ def do_offline_work(
     if study.case.strict:
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     _check_settings(study, model, contingencies)
+    _watched(study, model, buses)
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
     for doubt in method.doubts:
@@ -260,26 +263,39 @@ def prepare(offline: Offline) -> Prepared:
     rule = offline.settings.rule
     method, limit = offline.method, offline.time_limit
     relays = tuple(relays_of(study.relays))
+    columns = _watched(study, model, offline.study_buses)
     return Prepared(
-        study, model, method, criterion, parts, small, rule, intact, limit, tolerant, relays
+        study,
+        model,
+        method,
+        criterion,
+        parts,
+        small,
+        rule,
+        intact,
+        limit,
+        tolerant,
+        relays,
+        columns,
     )
+
+
+def _watched(study: Study, model: DetailedModel, buses: frozenset[int]) -> Columns:
+    """Columns of what the study watches."""
+    return monitored(model, study.outputs.watched, buses or None, "outputs.monitor")
 
 
 def _study_buses(study: Study, case: Case) -> frozenset[int]:
     area = study.study_area
-    texts = {"buses": area.buses, "areas": area.areas, "zones": area.zones}
-    asked = {
-        name: numbers_in(case, text, f"study_area.{name}", kind)
-        for kind, (name, text) in zip(Numbered, texts.items(), strict=True)
-        if text is not None
-    }
-    if asked:
-        return study_buses(case, **asked)
+    asked = chosen_study_buses(case, "study_area.", area.buses, area.areas, area.zones)
+    if asked is not None:
+        return asked
     if study.case.source in STUDY_AREAS:
         return study_buses(case, areas=STUDY_AREAS[study.case.source])
     lists = study.contingencies
     places = (lists.bus_faults, lists.line_faults, lists.machine_trips)
-    if study.model.kind in _WITHOUT_AREA and "study area" not in places:
+    named = any("study area" in " ".join(place.lower().split()) for place in places)
+    if study.model.kind in _WITHOUT_AREA and not named:
         return frozenset()
     raise OptionError(f"case {case.name} has no study area of its own; give it in [study_area]")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,16 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.runs.table_files import TableFile, TableFormat
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Prepared
 from gridfold.study.study_file import Kept
 from gridfold.study.summary import Figures, time_per_model, trajectory_figures
+from gridfold.study.watched import watched_curves
 
 #: Samples of a curve in the report.
 POINTS = 200
@@ -110,6 +113,12 @@ class _Solver:
         """What happens, and the relays that watch."""
         return (*self.task.contingency.events, *self.prepared.relays)
 
+    @property
+    def columns(self) -> Columns:
+        """What is watched."""
+        assert self.prepared.columns is not None
+        return self.prepared.columns
+
     def solve(self, began: float) -> Solved:
         events = self.events
         switches: tuple[Switch, ...] = ()
@@ -129,6 +138,8 @@ class _Solver:
             figures["switches"] = max(0, len(switches) - 1)
         figures |= trajectory_figures(run)
         curves = self._curves(run, switches)
+        if self.prepared.study.outputs.monitor is not None:
+            curves |= watched_curves(run, self.columns, _rows(run))
         if self.task.check and self.small is not None:
             checked, beside = self._check(run, figures, self.small)
             figures |= checked
@@ -144,7 +155,8 @@ class _Solver:
     def _detailed(self, events: Sequence[Event]) -> Trajectory:
         ready = self.prepared
         rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
-        return simulate(ready.model, events, *rest)
+        area = None if ready.parts is None else ready.parts.study_buses
+        return replace(simulate(ready.model, events, *rest), study_buses=area)
 
     def _reduced(self, small: SmallModels, events: Sequence[Event]) -> AdaptiveRun:
         """The study's model."""
@@ -262,7 +274,7 @@ class _Solver:
             return None
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / "run.parquet"
-            run.to_parquet(path, wanted.signals)
+            run.write_table(TableFile(path, TableFormat.PARQUET, self.columns))
             return path.read_bytes()
 
 

@@ -14,7 +14,7 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from gridfold.dynamics.area_model import BoundaryCoupling
@@ -29,11 +29,12 @@ from gridfold.equivalents.model_kind import (
     Weights,
 )
 from gridfold.errors import CaseFileError, OptionError, OutputError
-from gridfold.grid.number_ranges import parse_ranges
+from gridfold.grid.selection_text import Word, parse_selection
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.loading import Solve
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
+from gridfold.runs.monitor import DEFAULT_MONITOR, parse_monitor
 from gridfold.runs.synchronism import SynchronismCriterion
 
 Positive = Annotated[float, Field(gt=0, lt=inf)]
@@ -41,8 +42,36 @@ NotNegative = Annotated[float, Field(ge=0, lt=inf)]
 Count = Annotated[int, Field(ge=0)]
 #: Keys that do not change what a row says, so that a study may go on with another value.
 FREE_KEYS = frozenset({"run.time_limit"})
-#: Which buses: ``study area``, ``all``, ``none``, ``area 2``, ``zone 1,3``, ``1-36,78``.
-Where = str
+
+
+def _where(word: Word) -> AfterValidator:
+    """Checks that a text chooses something of a grid; its numbers are first those of `word`."""
+
+    def checked(text: str) -> str:
+        try:
+            parse_selection(text, "place", word)
+        except OptionError as error:
+            raise ValueError(str(error).removeprefix("place: ")) from None
+        return text
+
+    return AfterValidator(checked)
+
+
+#: What is chosen of a grid: ``study area``, ``1-36,78``, ``area:2 except kv<100``, ``line:3-2`` ...
+Where = Annotated[str, _where(Word.BUS)]
+
+
+def _watched(text: str) -> str:
+    """Checks that a text has the form of a monitor."""
+    try:
+        parse_monitor(text, "place")
+    except OptionError as error:
+        raise ValueError(str(error).removeprefix("place: ")) from None
+    return text
+
+
+#: What is watched of a run: ``flow 101-103, voltage area:1, every 5``.
+Watched = Annotated[str, AfterValidator(_watched)]
 
 
 class Kept(Enum):
@@ -105,9 +134,13 @@ class CaseSection(_Section):
 class StudyArea(_Section):
     """The study area. Where nothing is given a built-in case has one of its own."""
 
-    buses: str | None = Field(default=None, description="Buses such as 1-36,78.")
-    areas: str | None = Field(default=None, description="Areas such as 1,3.")
-    zones: str | None = Field(default=None, description="Zones such as 1,3.")
+    buses: Where | None = Field(default=None, description="Buses such as 1-36,78 or area:1.")
+    areas: Annotated[str, _where(Word.AREA)] | None = Field(
+        default=None, description="Areas such as 1,3."
+    )
+    zones: Annotated[str, _where(Word.ZONE)] | None = Field(
+        default=None, description="Zones such as 1,3."
+    )
 
 
 class ContingencySection(_Section):
@@ -150,8 +183,8 @@ class Model(_Section):
     column_norm: Positive | None = Field(
         default=None, description="Threshold of the column norm (p.u.)."
     )
-    retain_buses: str | None = Field(
-        default=None, description="Buses whose external machines are retained, instead."
+    retain_buses: Where | None = Field(
+        default=None, description="External machines that are retained, instead."
     )
     retain: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="How many external machines are retained, instead."
@@ -201,11 +234,9 @@ class Model(_Section):
 
     def settings(self, kind: ModelKind) -> ModelSettings:
         """The model `kind` with these options."""
-        buses = self.retain_buses
-        chosen = None if buses is None else parse_ranges(buses, "model.retain_buses")
         return ModelSettings(
             kind,
-            RetainSettings(self.column_norm, chosen, self.retain),
+            RetainSettings(self.column_norm, self.retain_buses, self.retain),
             ReductionSettings(
                 self.reducer, self.tolerance, self.order, self.slow_modes, self.weights
             ),
@@ -274,7 +305,22 @@ class OutputsWanted(_Section):
     trajectories: Kept = Field(
         default=Kept.NONE, description="Whole trajectories as Parquet files."
     )
-    signals: tuple[str, ...] = Field(default=(), description="Further columns of these files.")
+    monitor: Watched | tuple[Watched, ...] | None = Field(
+        default=None,
+        description="What is watched: columns of these files, and curves in the report.",
+    )
+    signals: tuple[str, ...] = Field(
+        default=(),
+        description="The older form of monitor: further columns of these files.",
+        json_schema_extra={"deprecated": True},
+    )
+
+    @property
+    def watched(self) -> str:
+        """What is watched, as one text; that of tables where nothing is said."""
+        if self.monitor is None:
+            return ", ".join((DEFAULT_MONITOR, *self.signals))
+        return self.monitor if isinstance(self.monitor, str) else ", ".join(self.monitor)
 
 
 class Study(_Section):
@@ -302,6 +348,8 @@ class Study(_Section):
     @model_validator(mode="after")
     def _fits(self) -> Study:
         times = self.clearing_times
+        if self.outputs.monitor is not None and self.outputs.signals:
+            raise ValueError("outputs.monitor takes the place of outputs.signals: give one of them")
         if times.wanted and not times.resolution <= times.longest < self.run.t_end:
             raise ValueError(
                 "clearing_times.longest must lie between clearing_times.resolution and run.t_end"
@@ -437,7 +485,7 @@ def _fault(item: ErrorDetails, lines: _Lines | None = None, path: Path | None = 
     if not key:
         return message
     value = item["input"]
-    shown = "" if isinstance(value, dict) else f", not {value!r}"
+    shown = "" if isinstance(value, dict) or repr(value) in message else f", not {value!r}"
     return f"{where}{key}: {message[:1].lower()}{message[1:]}{shown}"
 
 

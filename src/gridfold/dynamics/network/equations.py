@@ -164,13 +164,10 @@ def build_equations(
     altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
     islands = find_islands(case, state.severed, (unit.bus for unit in machines))
-    shunt = injections.load.copy()
+    shunt = load_admittance(power_flow, injections, state)
     for unit, admittance in (*injections.negative_load.items(), *machines.items()):
         if unit not in state.units_out:
             shunt[index[unit.bus]] += admittance
-    for bus, power in state.load_steps:
-        squared = abs(power_flow.voltage[index[bus]]) ** 2
-        shunt[index[bus]] += np.conj(power) / case.base_mva / squared
     for bus, admittance in _shunt_changes(case, state):
         shunt[index[bus]] += admittance
     alive = islands.energized.copy()
@@ -203,6 +200,18 @@ def _bus_rows(live: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.i
     rows = np.full(len(nodes), -1)
     rows[live] = np.arange(len(live))
     return np.asarray(rows[nodes], dtype=np.int64)
+
+
+def load_admittance(
+    power_flow: PowerFlowResult, injections: Injections, state: NetworkState
+) -> NDArray[np.complex128]:
+    """Admittance of the loads at each bus in p.u. in a network state, shape (n_buses,)."""
+    case = power_flow.case
+    result = injections.load.copy()
+    for bus, power in state.load_steps:
+        at = case.bus_index[bus]
+        result[at] += np.conj(power) / case.base_mva / abs(power_flow.voltage[at]) ** 2
+    return result
 
 
 def _shunt_changes(case: Case, state: NetworkState) -> Iterator[tuple[int, complex]]:

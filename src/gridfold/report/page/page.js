@@ -423,6 +423,7 @@ function overlays(number) {
 }
 function drawCurves(number) {
   const curves = record.curves[number], row = byNumber.get(number);
+  drawWatched(number, curves?.watched, row);
   at("curves-figure").hidden = at("models").hidden = !curves;
   if (!curves) {
     say("curves-note", row.stable === null ? "There are no curves: the contingency could not be simulated."
@@ -519,6 +520,43 @@ function curvesLayout(last, number, error) {
   if (!["detailed", "hybrid", "linear", "adaptive", "whole"].includes(record.kind)) {
     layout.yaxis2 = {...layout.yaxis2, categoryarray: undefined, range: undefined};
   }
+  return layout;
+}
+
+// ---- what is watched -----------------------------------------------------------------------------
+
+const PANEL = 190, BETWEEN = 46;
+
+function drawWatched(number, watched, row) {
+  at("watched-figure").hidden = !watched;
+  if (!watched) return;
+  const times = record.times[watched.times], count = watched.panels.length;
+  const traces = watched.panels.flatMap((panel, k) => panelTraces(panel, k, times));
+  draw("watched", traces, watchedLayout(watched.panels, times, number, count));
+  at("watched").setAttribute("aria-label", `What was watched of ${row.name}`);
+  say("watched-caption", `Watched: ${watched.panels.map(panel => panel.axis).join(", ")}.`
+    + (watched.left_out ? ` ${watched.left_out} curves that move less are left out.` : ""));
+}
+function panelTraces(panel, k, times) {
+  const values = samples(panel), suffix = k ? k + 1 : "";
+  return panel.labels.map((label, place) => ({
+    type: "scatter", mode: "lines", x: times, y: values.slice(place * times.length, (place + 1) * times.length),
+    yaxis: `y${suffix}`, legend: `legend${suffix}`, name: plain(label),
+    line: {color: PALETTE[place % PALETTE.length], width: 1.5, dash: place < PALETTE.length ? "solid" : "dot"},
+    hovertemplate: `${plain(label)}<br>%{y:.5~g} at %{x:.2f} s<extra></extra>`,
+  }));
+}
+function watchedLayout(panels, times, number, count) {
+  const usable = count * PANEL + (count - 1) * BETWEEN, last = times.at(-1) ?? 0;
+  const layout = {height: usable + 100, margin: {l: 64, r: 10, t: 50, b: 50}};
+  for (const [k, panel] of panels.entries()) {
+    const suffix = k ? k + 1 : "", top = 1 - k * (PANEL + BETWEEN) / usable;
+    layout[`yaxis${suffix}`] = axis(plain(panel.axis), {domain: [Math.max(0, top - PANEL / usable), top]});
+    layout[`legend${suffix}`] = {orientation: "h", x: 0, y: top, yanchor: "bottom", font: {size: 11}};
+  }
+  layout.xaxis = axis("time (s)", {range: [0, last * 1.005 || 1], anchor: `y${count > 1 ? count : ""}`});
+  layout.shapes = record.events[number].faults.map(([x0, x1]) => ({type: "rect", yref: "paper", y0: 0, y1: 1,
+    x0, x1: Math.min(x1, last), fillcolor: "#8b949e", opacity: 0.25, line: {width: 0}, layer: "below"}));
   return layout;
 }
 
