@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from gridfold.cli.console import (
-    ExitCode,
     StageBars,
     out,
     say_basis,
@@ -20,6 +19,7 @@ from gridfold.cli.console import (
     stage_bars,
     write_json_option,
 )
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.option_groups import given, refuse
 from gridfold.cli.options import (
     AngleNormOptions,

@@ -22,7 +22,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from gridfold.cli.console import ExitCode, QuietProgress, err, out
+from gridfold.cli.console import QuietProgress, err, out
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import DevicesOption
 from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OutputError

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gridfold.cli.console import ExitCode, err, out, write_json_option
+from gridfold.cli.console import err, out, write_json_option
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import JsonOption
 from gridfold.cli.study import StudyFolder, output_option
 from gridfold.errors import OptionError
