@@ -324,7 +324,7 @@ TWO_AREAS = Path(__file__).parents[2] / "examples" / "psse_study"
 def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
     raw, dyr = TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr"
     area, path = ("--study-areas", 1), tmp_path / "k.npz"
-    facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--save", path)
+    facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--out", path)
     assert facts["load_model"] == "raw"
     with np.load(path) as archive:
         assert json.loads(str(archive["metadata"]))["load_model"] == "raw"

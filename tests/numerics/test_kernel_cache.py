@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numba import types
 
-from gridfold.numerics import kernel_cache
+from gridfold.numerics import kernel_cache, user_folders
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import PACKAGE
 from gridfold.numerics.compiled import compile_callback, jit
@@ -247,7 +247,7 @@ def test_the_first_folder_that_can_be_made_is_taken(tmp_path, monkeypatch):
 
 
 def test_a_temporary_folder_of_someone_else_is_not_trusted(tmp_path, monkeypatch):
-    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(user_folders.tempfile, "gettempdir", lambda: str(tmp_path))
     mine = tmp_path / f"gridfold-{os.getuid()}"
     assert mine / "compiled" in list(kernel_cache._roots())
     mine.chmod(0o777)

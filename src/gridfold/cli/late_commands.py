@@ -58,7 +58,7 @@ def late_group(commands: Mapping[str, Late]) -> type[TyperGroup]:
             """The group with commands that are no more than a name and a line."""
             return TyperGroup(
                 name=self.name,
-                commands=self.commands,
+                commands=dict(self.commands),
                 params=self.params,
                 help=self.help,
                 epilog=self.epilog,
@@ -80,7 +80,7 @@ def _load(name: str, module: str) -> Any:
 
 def _renamed(args: Sequence[str], renamed: Mapping[str, str]) -> list[str]:
     """Arguments with the present names of options."""
-    result = []
+    result: list[str] = []
     for place, argument in enumerate(args):
         if argument == "--":
             return [*result, *args[place:]]

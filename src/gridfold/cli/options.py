@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from gridfold.cli.console import err
+from gridfold.cli.completion import case_sources
 from gridfold.cli.option_groups import given
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.device import Device
@@ -58,7 +59,9 @@ DevicesOption = Annotated[
         "May be repeated.",
     ),
 ]
-WorkersOption = Annotated[int | None, run_option(min=1, help="Threads.", show_default="one a core")]
+JobsOption = Annotated[
+    int | None, run_option("--jobs", "-j", min=1, help="How many threads.", show_default="cores")
+]
 
 
 class NoData(Enum):
@@ -76,7 +79,8 @@ class CaseOptions:
         str,
         typer.Argument(
             help="A built-in case (npcc, npcc-pst), a case folder, or a file: .raw (PSS/E), .m "
-            "(MATPOWER), .mat (RAPID)."
+            "(MATPOWER), .mat (RAPID).",
+            autocompletion=case_sources,
         ),
     ]
     dyr: Annotated[
