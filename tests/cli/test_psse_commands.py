@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gridfold as gf
 from gridfold.study.prepare import load_grid
 from gridfold.study.study_file import parse_study
 
@@ -193,6 +194,38 @@ def test_simulate_stores_what_was_used_in_every_file(command, tmp_path):
         assert found["GENTPJ1"]["active_mw"] == 60.0
         assert found["REGCB1"]["outcome"] == "negative load"
         assert found["IEELAL"]["share"] == 1.0
+
+
+def test_a_case_tells_the_faults_of_all_its_stages_and_their_options_at_once(command, tmp_path):
+    """The network has an island without a slack unit, a unit no machine, a governor too low a limit."""
+    dyr = low_limit(tmp_path)
+    text = dyr.read_text()
+    dyr.write_text(text[: text.index("   2 'GENCLS'")] + "   1 'FANCY9' 1  1 2 3 /\n")
+    said = refusal(command, "eigenvalues", ISLAND, dyr)
+    faults = ("an island without a slack unit", "FANCY9", "no machine for generators in service: 1")
+    answers = ("--allow-unsupported-network", "--unsupported classical", "--no-data negative-load")
+    assert all(fault in said for fault in (*faults, "tgov1 1:1: VMAX"))
+    places = [said.index(answer) for answer in (*answers, "--on-limit adjust")]
+    assert places == sorted(places)
+    assert places[0] > said.index("tgov1 1:1: VMAX")
+    # the options that it names are enough
+    options = (answers[0], *" ".join(answers[1:]).split(), "--on-limit", "adjust")
+    assert command("eigenvalues", ISLAND, dyr, *options)[0] == 0
+    # what is answered already is not told, and nothing is told twice
+    rest = refusal(command, "eigenvalues", ISLAND, dyr, *options[:-2])
+    assert "tgov1 1:1: VMAX" in rest
+    assert not any(fault in rest for fault in faults)
+    assert said.count("an island without") == said.count("FANCY9 (") == 1
+
+
+def test_python_tells_the_faults_of_network_and_dynamic_data_at_once(tmp_path):
+    broken = tmp_path / "broken.dyr"
+    broken.write_text("   1 'GENROU' 1  1 2 3 /\n")
+    with pytest.raises(gf.CaseError) as refused:
+        gf.load_case(ISLAND, broken)
+    assert "an island without a slack unit" in str(refused.value)
+    assert "GENROU" in str(refused.value)
+    assert "allow_unsupported_network=True" in str(refused.value)
 
 
 def test_limits_that_were_moved_are_told_and_are_no_doubt_by_themselves(command, tmp_path):

@@ -12,8 +12,8 @@ from gridfold.cli.console import err
 from gridfold.errors import OutputError
 from gridfold.io.results import write_json
 from gridfold.numerics.code_files import Code
-from gridfold.runs.own_devices import read_devices
 from gridfold.numerics.user_folders import belongs_to_user, user_folder
+from gridfold.runs.own_devices import read_devices
 from gridfold.study.study_file import load_study
 from gridfold.study.trust import code_record, listing
 
