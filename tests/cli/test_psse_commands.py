@@ -159,7 +159,6 @@ def test_commands_take_these_files_and_tell_the_same_basis(command):
         ("cct", RAW, DYR, "--buses", 2, "--t-end", 0.5, "--longest", 0.2),
     ):
         facts = record(command, *arguments, "--loads", "0.2,0.3,0.5")
-        facts = facts[0] if isinstance(facts, list) else facts
         basis = {name: facts[name] for name in BASIS}
         expected = expected or basis
         assert basis == expected

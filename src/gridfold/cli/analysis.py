@@ -242,7 +242,8 @@ def cct(
         )
     name = simulator.kind.value
     told = {"model": name, "model_reason": simulator.reason} | method.record() | basis.record()
-    write_json_option(json, [_clearing_record(item) | told for item in times])
+    about = {"case": grid.case.name, "fingerprint": grid.case.fingerprint, **told}
+    write_json_option(json, about | {"clearing_times": [_clearing_record(item) for item in times]})
     if speaks_to_people(json):
         out.print(clearing_table(times))
         out.print(
