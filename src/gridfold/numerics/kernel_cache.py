@@ -47,7 +47,7 @@ from gridfold.numerics.compile_notice import NOTICE
 from gridfold.numerics.user_folders import temporary_folder, user_folder
 
 #: Parts of the package that compiled code may come from, or take constants from.
-COMPILED_PARTS = ("numerics", "systems", "dynamics", "powerflow", "grid", "errors.py")
+COMPILED_PARTS = ("numerics", "systems", "dynamics", "powerflow", "grid", "errors.py", "cards.py")
 #: Folders that are kept, and days without use after which one is removed.
 _MOST_FOLDERS, _DAYS = 16, 30
 #: Files in a folder behind which nothing more is kept.

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
+from gridfold.cards import Card
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import CaseError, GridfoldError, OptionError
@@ -39,8 +40,8 @@ class Solve(Enum):
     LIMITS = "limits"
 
 
-@dataclass(frozen=True)
-class LoadedCase:
+@dataclass(frozen=True, repr=False)
+class LoadedCase(Card):
     """A case from planners' files, and what was done to it, which the case tells too.
 
     Parameters
@@ -56,6 +57,15 @@ class LoadedCase:
     case: Case
     replacements: tuple[Replacement, ...] = ()
     notices: tuple[str, ...] = ()
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.case.name,
+            "buses": len(self.case.buses),
+            "devices": len(self.case.devices),
+            "replacements": len(self.replacements),
+            "notices": len(self.notices),
+        }
 
 
 def load_case(
