@@ -18,6 +18,7 @@ from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.equivalents.tolerant import TolerantModel
+from gridfold.equivalents.warm_up import WarmUp, warm_up
 from gridfold.errors import (
     CaseError,
     CaseFileError,
@@ -177,6 +178,7 @@ __all__ = [
     "UnderVoltageShedding",
     "UnitKey",
     "Unreduced",
+    "WarmUp",
     "Weights",
     "Workers",
     "__version__",
@@ -207,5 +209,6 @@ __all__ = [
     "to_control",
     "to_pymor",
     "validate_case",
+    "warm_up",
     "whole_system",
 ]

@@ -257,6 +257,30 @@ def test_a_temporary_folder_of_someone_else_is_not_trusted(tmp_path, monkeypatch
     assert mine / "compiled" not in list(kernel_cache._roots())
 
 
+def test_where_nothing_can_be_written_code_is_compiled_and_not_kept(monkeypatch):
+    def nowhere(*_, **__):
+        raise FileNotFoundError("no usable temporary directory")
+
+    monkeypatch.setattr(kernel_cache, "config", type("Config", (), {"CACHE_DIR": "/proc/nowhere"}))
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(user_folders.tempfile, "gettempdir", nowhere)
+    monkeypatch.setattr(kernel_cache.tempfile, "TemporaryDirectory", nowhere)
+    kernel_cache._for_this_process.cache_clear()
+    kernel_cache._folder.cache_clear()
+    try:
+        assert jit()(_three)(1.5) == 4.5
+        kept = kernel_cache.kept_code()
+        assert (kept.functions, kept.temporary) == (0, True)
+        assert not kept.folder.exists()
+    finally:
+        kernel_cache._for_this_process.cache_clear()
+        kernel_cache._folder.cache_clear()
+
+
+def _three(x):
+    return 3 * x
+
+
 def test_the_command_starts_without_a_home():
     names = ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     environment = {k: v for k, v in os.environ.items() if k not in names}

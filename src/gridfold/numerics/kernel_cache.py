@@ -156,7 +156,7 @@ def kept_code() -> KeptCode:
     """Where the package's own compiled code is kept, and how much of it."""
     folder = _folder(_BASE)
     count = sum(1 for _ in folder.glob("*.machine"))
-    return KeptCode(folder, count, folder.parent == _for_this_process())
+    return KeptCode(folder, count, folder.parent not in _lasting_roots())
 
 
 def _has_room(folder: Path) -> bool:
@@ -241,7 +241,7 @@ def _folder(label: str) -> Path:
         except OSError:
             continue
         return folder
-    raise AssertionError("the last one was just made")
+    return Path(os.devnull) / label  # nothing can be written anywhere: nothing is kept
 
 
 def _mark(folder: Path) -> None:
@@ -266,14 +266,20 @@ def _remove_old(root: Path, kept: Path) -> None:
 
 
 def _roots() -> Iterator[Path]:
-    """Folders for compiled code, the best first; the last one can always be written."""
+    """Folders for compiled code, the best first; the last one can be written if anything can."""
+    yield from _lasting_roots()
+    with contextlib.suppress(OSError):
+        yield _for_this_process()
+
+
+def _lasting_roots() -> Iterator[Path]:
+    """Those that other processes find too."""
     if chosen := vars(config).get("CACHE_DIR"):
         yield Path(chosen) / "gridfold"
     if (home := user_folder("XDG_CACHE_HOME", ".cache")) is not None:
         yield home / "compiled"
     if (shared := temporary_folder()) is not None:
         yield shared / "compiled"
-    yield _for_this_process()
 
 
 @cache

@@ -42,8 +42,8 @@ def temporary_folder() -> Path | None:
     """
     owner = getattr(os, "getuid", None)
     name = "gridfold" if owner is None else f"gridfold-{owner()}"
-    folder = Path(tempfile.gettempdir()) / name
     with contextlib.suppress(OSError):
+        folder = Path(tempfile.gettempdir()) / name
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
         private = owner is None or not status.st_mode & 0o077
