@@ -44,10 +44,10 @@ def test_options_of_the_release_before_are_accepted_and_told(command):
     assert "--save is called --out now" in err
 
 
-def test_a_command_is_called_by_its_name_alone(command):
+def test_a_name_that_is_none_of_a_command_is_refused(command):
     code, _, err = command("simulat", "npcc")
     assert code == 2
-    assert "Did you mean 'simulate'?" in err
+    assert "No such command 'simulat'" in err
 
 
 @pytest.mark.parametrize(
