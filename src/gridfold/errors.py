@@ -23,11 +23,13 @@ What a simulation *finds* (loss of synchronism, non-finite states) is not an exc
 
 from __future__ import annotations
 
+import copyreg
 import os
 import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 
 class GridfoldError(Exception):
@@ -44,6 +46,10 @@ class GridfoldError(Exception):
     def __init__(self, text: str = "", advice: Sequence[str] = ()):
         self.text, self.advice = text, tuple(advice)
         super().__init__("\n".join([text, *self.advice]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as it is: made anew from its whole text it would say all of it twice."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class CaseError(GridfoldError):

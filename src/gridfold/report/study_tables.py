@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: What is said of the largest error of figures in the runs that were checked.
 FURTHER_ERRORS = {
-    "error_damping_ratio": "damping ratios within {:.2g}",
+    "error_damping_ratio": "damping within {:.2%}",
     "error_nadir_hz": "lowest frequencies within {:.2g} Hz",
     "error_lowest_voltage": "lowest voltages within {:.2g} p.u.",
 }
