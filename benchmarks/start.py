@@ -30,7 +30,6 @@ PROCESSES: tuple[tuple[str, list[str], float | None], ...] = (
 RUNS = (
     "gridfold simulate npcc --fault-bus 3",
     "gridfold demo",
-    "gridfold warm-up",
 )
 
 

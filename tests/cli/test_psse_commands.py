@@ -217,6 +217,16 @@ def test_a_case_tells_the_faults_of_all_its_stages_and_their_options_at_once(com
     assert said.count("an island without") == said.count("FANCY9 (") == 1
 
 
+def test_what_is_chosen_stays_chosen_while_later_faults_are_looked_for(command, tmp_path):
+    dyr = low_limit(tmp_path)
+    text = dyr.read_text()
+    dyr.write_text(text[: text.index("   2 'GENCLS'")])
+    said = refusal(command, "eigenvalues", ISLAND, dyr, "--typical")
+    assert "an island without a slack unit" in said
+    assert "tgov1 1:1: VMAX" in said
+    assert "--no-data" not in said
+
+
 def test_python_tells_the_faults_of_network_and_dynamic_data_at_once(tmp_path):
     broken = tmp_path / "broken.dyr"
     broken.write_text("   1 'GENROU' 1  1 2 3 /\n")

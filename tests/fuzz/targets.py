@@ -357,7 +357,8 @@ def _parameters(command: str) -> tuple[str, ...]:
     import typer.main
 
     group = typer.main.get_command(app)
-    found = group.commands[command].params  # type: ignore[attr-defined]
+    context = group.make_context("gridfold", [], resilient_parsing=True)
+    found = group.get_command(context, command).params  # type: ignore[attr-defined]
     return tuple(name for parameter in found for name in parameter.opts)
 
 
