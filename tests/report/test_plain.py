@@ -3,15 +3,12 @@
 import io
 from pathlib import Path
 
-from rich.cells import cell_len
-
 import gridfold
 from gridfold.report.plain import (
     PlainConsole,
     PlainTable,
     as_lines,
     picture_text,
-    title_lines,
     visible,
     visible_lines,
 )
@@ -81,25 +78,3 @@ def test_nothing_but_the_plain_table_and_console_is_used() -> None:
             assert "rich.console" not in text, file
             assert "rich.markup" not in text, file
             assert text.count("TextColumn(") == text.count("markup=False"), file
-
-
-def test_a_title_keeps_within_its_width_and_shows_what_is_left_out():
-    long = "; ".join(f"{k}: fault at a bus with a name of some length" for k in range(9))
-    lines = title_lines(long, most=3, width=60)
-    assert len(lines) == 3
-    assert max(map(len, lines)) <= 60
-    assert lines[-1].endswith(" ...")
-    assert long.startswith(" ".join(lines)[:-4])
-    assert title_lines("a short one") == ["a short one"]
-    assert max(map(cell_len, title_lines("漢" * 200, width=60))) <= 60
-    assert title_lines("x" * 100, most=2, width=60) == ["x" * 60, "x" * 40]
-
-
-def test_the_title_of_a_picture_does_not_run_off():
-    figure = new_figure(10, 10)
-    text = "0.1 s: LINE MANHATTAN-BROOKHAVEN 1001-1002:BL TRIPPED; " * 20
-    title = figure.subplots().set_title("\n".join(title_lines(text)), fontsize="medium")
-    figure.draw_without_rendering()
-    box = title.get_window_extent()
-    assert box.x0 > 0
-    assert box.x1 < figure.bbox.x1

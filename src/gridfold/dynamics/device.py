@@ -38,8 +38,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from gridfold.errors import DeviceError
 from gridfold.cards import Card, first_few
+from gridfold.errors import DeviceError
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import package_name
 from gridfold.numerics.compiled import compile_callback, invoke, jit

@@ -14,8 +14,8 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
-from gridfold.grid.dc_lines import DcLine
 from gridfold.cards import Card
+from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.energy_source import EnergySource
 from gridfold.grid.flow_controls import FlowControl

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from gridfold.dynamics.model import DetailedModel
 from gridfold.cards import Card, first_few
+from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.admittance import branch_admittances
 from gridfold.grid.case import UnitKey

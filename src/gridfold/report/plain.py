@@ -7,12 +7,10 @@ Matplotlib have markup of their own.
 
 from __future__ import annotations
 
-import io
 import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
-from rich.cells import set_cell_size
 from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -36,15 +34,6 @@ def visible_lines(text: str) -> str:
 def picture_text(text: str) -> str:
     """`text` for Matplotlib, to which a dollar begins mathematics."""
     return visible_lines(text).replace("$", r"\$")
-
-
-def title_lines(text: str, most: int = 3, width: int = 90) -> list[str]:
-    """`text` in lines that fit over a picture; what is left out of the last one is shown by dots."""
-    console = Console(width=width, file=io.StringIO())
-    lines = [line.plain.rstrip() for line in Text(visible(text)).wrap(console, width)]
-    if len(lines) > most:
-        lines = [*lines[: most - 1], set_cell_size(lines[most - 1], width - 4).rstrip() + " ..."]
-    return lines
 
 
 class PlainTable(Table):

@@ -9,9 +9,9 @@ from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
+from gridfold.cards import Card
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
-from gridfold.cards import Card
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import CaseError, GridfoldError, OptionError
