@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
-SOURCES := pyproject.toml $(shell find src -name '*.py' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
+SOURCES := pyproject.toml setup.py $(shell find src -name '*.py*' -not -name '*.pyc' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
 .PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto clean
 

@@ -6,7 +6,6 @@ import time
 
 import clearing_times
 import error_sweeps
-import first_run
 import implicit_rule
 import network_backends
 import psse_cases
@@ -14,6 +13,7 @@ import reduced_models
 import retained_machines
 import second_case
 import speed
+import start
 import verdicts
 from report import Section, machine, one_thread, write
 
@@ -28,7 +28,6 @@ def main() -> None:
         speed.measure,
         network_backends.measure,
         implicit_rule.measure,
-        first_run.measure,
         reduced_models.measure,
         second_case.measure,
     )
@@ -41,6 +40,7 @@ def main() -> None:
         retained_machines.main,
         verdicts.main,
         psse_cases.main,
+        start.main,
     )
     for page in pages:
         print(page(), end="\n\n", flush=True)

@@ -47,6 +47,7 @@ MADE_ELSEWHERE = {
     "polish": ("make bench-polish", 2),
     "low_rank": ("make bench-low-rank", 2),
     "tolerances": ("python benchmarks/tolerances.py", 3),
+    "start": ("python benchmarks/start.py", 3),
     "studies": ("python benchmarks/studies.py", 3),
     "fuzz": ("make fuzz", 3),
     "matrix": ("make test-matrix", 3),

@@ -29,6 +29,7 @@ TESTS = (
     "tests/io",
     "tests/powerflow",
     "tests/runs/test_streaming.py",
+    "tests/cli/test_late_commands.py",
     "tests/cli/test_option_groups.py",
     "tests/cli/test_study_commands.py",
     "tests/study/test_engine.py::test_processes_give_the_same_rows_on_a_ladder_too",

@@ -5,214 +5,54 @@
 >>> run = gf.simulate(model, [gf.BusFault(3, start=0.0, duration=0.2)], t_end=16.0)
 >>> run.status
 <Status.COMPLETED: 'completed'>
+
+Public names, and the modules that they come from, stand in ``__init__.pyi``: type checkers read it, and
+so does this module, which loads a name when it is asked for. So a program waits for what it uses alone.
 """
 
-from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.dynamics.initialize import OnLimit
-from gridfold.dynamics.model import DetailedModel, build_model
-from gridfold.dynamics.network import LoadModel, NetworkBackend
-from gridfold.equivalents.adaptive import simulate_adaptive
-from gridfold.equivalents.calibrate import calibrate
-from gridfold.equivalents.compare import Comparison, compare
-from gridfold.equivalents.error_budget import error_budget
-from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
-from gridfold.equivalents.families import reduce_external as reduce
-from gridfold.equivalents.families import whole_system
-from gridfold.equivalents.folded import fold
-from gridfold.equivalents.ladder import Ladder
-from gridfold.equivalents.model_kind import Weights
-from gridfold.equivalents.saved import load_reduced, save_reduced
-from gridfold.equivalents.small_models import SmallModels
-from gridfold.equivalents.switching import SwitchingRule
-from gridfold.equivalents.tolerant import TolerantModel
-from gridfold.errors import (
-    CaseError,
-    CaseFileError,
-    DeviceError,
-    EventError,
-    GridfoldError,
-    GridfoldWarning,
-    InitializationError,
-    NetworkError,
-    OptionError,
-    OutputError,
-    PowerFlowError,
-    StepWarning,
-    TimeLimitError,
-)
-from gridfold.grid.case import (
-    Branch,
-    Bus,
-    Case,
-    Control,
-    DeviceRecord,
-    Generator,
-    Load,
-    Shunt,
-    UnitKey,
-)
-from gridfold.grid.events import (
-    BranchFault,
-    BranchOpenEnd,
-    BranchReclose,
-    BranchTrip,
-    BusFault,
-    LoadShed,
-    LoadStep,
-    MachineTrip,
-    Redispatch,
-    SetParameter,
-    ShuntClose,
-    ShuntStep,
-    ShuntTrip,
-)
-from gridfold.grid.relays import (
-    DistanceRelay,
-    GeneratorFrequencyTrip,
-    GeneratorVoltageTrip,
-    OutOfStepRelay,
-    SheddingStage,
-    UnderFrequencyShedding,
-    UnderVoltageShedding,
-)
-from gridfold.grid.validation import validate_case
-from gridfold.io.case_folder import built_in_cases
-from gridfold.io.event_records import load_events, load_relays
-from gridfold.io.study_store import StudyStore
-from gridfold.numerics.steppers import (
-    AdamsBashforthMoulton4,
-    ImplicitTrapezoidal,
-    RungeKutta4,
-    ScipyReference,
-)
-from gridfold.partition import Partition, partition
-from gridfold.powerflow import PowerFlowResult, solve_power_flow
-from gridfold.reduction import (
-    BalancedTruncation,
-    ModalTruncation,
-    SingularPerturbation,
-    Unreduced,
-)
-from gridfold.reduction.interop import to_control, to_pymor
-from gridfold.runs.clearing_time import (
-    ClearingTime,
-    critical_clearing_time,
-    critical_clearing_times,
-)
-from gridfold.runs.loading import load_case, load_psse
-from gridfold.runs.method import choose_stepper
-from gridfold.runs.own_devices import load_devices
-from gridfold.runs.simulate import simulate
-from gridfold.runs.small_signal import SmallSignal, small_signal
-from gridfold.runs.synchronism import SynchronismCriterion
-from gridfold.runs.trajectory import AngleReference, Trajectory
-from gridfold.study import Study, StudyRun, Workers, load_study, run_study
-from gridfold.systems.status import Status
-from gridfold.version import __version__
+import ast
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
-__all__ = [
-    "AdamsBashforthMoulton4",
-    "AngleReference",
-    "BalancedTruncation",
-    "BoundaryCoupling",
-    "Branch",
-    "BranchFault",
-    "BranchOpenEnd",
-    "BranchReclose",
-    "BranchTrip",
-    "Bus",
-    "BusFault",
-    "Case",
-    "CaseError",
-    "CaseFileError",
-    "ClearingTime",
-    "Comparison",
-    "Control",
-    "DetailedModel",
-    "DeviceError",
-    "DeviceRecord",
-    "DistanceRelay",
-    "ErrorEstimate",
-    "ErrorEstimator",
-    "EventError",
-    "Generator",
-    "GeneratorFrequencyTrip",
-    "GeneratorVoltageTrip",
-    "GridfoldError",
-    "GridfoldWarning",
-    "ImplicitTrapezoidal",
-    "InitializationError",
-    "Ladder",
-    "Load",
-    "LoadModel",
-    "LoadShed",
-    "LoadStep",
-    "MachineTrip",
-    "ModalTruncation",
-    "NetworkBackend",
-    "NetworkError",
-    "OnLimit",
-    "OptionError",
-    "OutOfStepRelay",
-    "OutputError",
-    "Partition",
-    "PowerFlowError",
-    "PowerFlowResult",
-    "Redispatch",
-    "RungeKutta4",
-    "ScipyReference",
-    "SetParameter",
-    "SheddingStage",
-    "Shunt",
-    "ShuntClose",
-    "ShuntStep",
-    "ShuntTrip",
-    "SingularPerturbation",
-    "SmallModels",
-    "SmallSignal",
-    "Status",
-    "StepWarning",
-    "Study",
-    "StudyRun",
-    "StudyStore",
-    "SwitchingRule",
-    "SynchronismCriterion",
-    "TimeLimitError",
-    "TolerantModel",
-    "Trajectory",
-    "UnderFrequencyShedding",
-    "UnderVoltageShedding",
-    "UnitKey",
-    "Unreduced",
-    "Weights",
-    "Workers",
-    "__version__",
-    "build_model",
-    "built_in_cases",
-    "calibrate",
-    "choose_stepper",
-    "compare",
-    "critical_clearing_time",
-    "critical_clearing_times",
-    "error_budget",
-    "fold",
-    "load_case",
-    "load_devices",
-    "load_events",
-    "load_psse",
-    "load_reduced",
-    "load_relays",
-    "load_study",
-    "partition",
-    "reduce",
-    "run_study",
-    "save_reduced",
-    "simulate",
-    "simulate_adaptive",
-    "small_signal",
-    "solve_power_flow",
-    "to_control",
-    "to_pymor",
-    "validate_case",
-    "whole_system",
-]
+
+def _homes() -> dict[str, tuple[str, str]]:
+    """Module and name there of each public name."""
+    stub = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    return {
+        item.asname or item.name: (str(node.module), item.name)
+        for node in ast.parse(stub).body
+        if isinstance(node, ast.ImportFrom)
+        for item in node.names
+    }
+
+
+_HOMES = _homes()
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, there = _HOMES[name]
+    value = getattr(import_module(module), there)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """The package: a part called like a public name, such as ``partition``, does not hide it."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

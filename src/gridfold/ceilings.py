@@ -89,7 +89,8 @@ def _free_memory() -> float:
         if line.startswith("MemAvailable:"):
             return 1024.0 * int(line.split()[1])
     try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+        pages, size = os.sysconf("SC_PHYS_PAGES"), os.sysconf("SC_PAGE_SIZE")  # noqa: TID251  guarded
+        return float(pages * size)
     except (AttributeError, OSError, ValueError):
         return math.inf
 
@@ -109,7 +110,7 @@ def _free_in_group() -> float:
 def _free_in_process() -> float:
     """The same within the limit of the process (``ulimit -v``)."""
     try:
-        import resource
+        import resource  # noqa: TID251  guarded
     except ImportError:  # not on this system
         return math.inf
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]

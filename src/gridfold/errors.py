@@ -23,15 +23,33 @@ What a simulation *finds* (loss of synchronism, non-finite states) is not an exc
 
 from __future__ import annotations
 
+import copyreg
 import os
 import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 
 class GridfoldError(Exception):
-    """Root of everything that gridfold raises on purpose."""
+    """Root of everything that gridfold raises on purpose.
+
+    Parameters
+    ----------
+    text : str
+        What is wrong.
+    advice : sequence of str
+        Options that would make something else of it, one line each; they come last.
+    """
+
+    def __init__(self, text: str = "", advice: Sequence[str] = ()):
+        self.text, self.advice = text, tuple(advice)
+        super().__init__("\n".join([text, *self.advice]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as it is: made anew from its whole text it would say all of it twice."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class CaseError(GridfoldError):
@@ -51,10 +69,19 @@ class CaseError(GridfoldError):
         self, faults: Sequence[str] | str, where: str = "case", advice: Sequence[str] = ()
     ):
         self.faults = [faults] if isinstance(faults, str) else list(faults)
-        self.advice = tuple(advice)
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
         listed = "\n".join(f"  {fault}" for fault in self.faults)
-        super().__init__("\n".join([f"{where}: {count}", listed, *self.advice]))
+        super().__init__(f"{where}: {count}\n{listed}", advice)
+
+    def joined(self, later: GridfoldError) -> CaseError:
+        """An error that also says what is wrong `later`; the options that answer both come last."""
+        both = CaseError(
+            [*self.faults, *getattr(later, "faults", [later.text])],
+            advice=tuple(dict.fromkeys((*self.advice, *later.advice))),
+        )
+        both.text = f"{self.text}\n{later.text}"
+        both.args = ("\n".join([both.text, *both.advice]),)
+        return both
 
 
 class CaseFileError(CaseError):

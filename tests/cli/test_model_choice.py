@@ -87,12 +87,12 @@ def test_the_ladder_is_chosen_where_it_pays_with_the_options_given(command, long
 
 def test_clearing_times_are_sought_on_the_model_chosen(command, long_steps, monkeypatch):
     options = ("cct", "npcc", "--buses", "17", "--t-end", 4, "--longest", 0.3)
-    row = record(command, *options)[0]
-    assert (row["model"], row["cct_s"]) == ("adaptive", 0.03)
+    row = record(command, *options)
+    assert (row["model"], row["clearing_times"][0]["cct_s"]) == ("adaptive", 0.03)
     assert "the ladder is predicted to take" in row["model_reason"]
     monkeypatch.setattr("gridfold.equivalents.auto.FACTOR", 0.0)
-    row = record(command, *options)[0]
-    assert (row["model"], row["cct_s"]) == ("detailed", 0.03)
+    row = record(command, *options)
+    assert (row["model"], row["clearing_times"][0]["cct_s"]) == ("detailed", 0.03)
     _, out, _ = command(*options)
     assert "Model detailed: " in plain(out)
 
@@ -151,9 +151,9 @@ def test_up_to_an_angle_of_its_own_the_ladder_is_linear_throughout(command, fall
 
 def test_a_file_of_one_form_is_refused_by_models_of_the_other(command, falling_costs, tmp_path):
     ladder, paper = tmp_path / "ladder.npz", tmp_path / "paper.npz"
-    assert command("reduce", "npcc", "--order", 20, "--save", ladder)[0] == 0
+    assert command("reduce", "npcc", "--order", 20, "--out", ladder)[0] == 0
     how = ("--outputs", "states", "--order", 40)
-    assert command("reduce", "npcc", *how, "--save", paper)[0] == 0
+    assert command("reduce", "npcc", *how, "--out", paper)[0] == 0
     for model, file, said in (
         (("adaptive",), paper, "the adaptive model needs a file with outputs 'polar'"),
         (("linear",), paper, "the linear model needs a file with outputs 'polar'"),
@@ -168,7 +168,7 @@ def test_a_file_of_one_form_is_refused_by_models_of_the_other(command, falling_c
 def test_options_that_contradict_a_file_of_a_ladder_are_refused(command, falling_costs, tmp_path):
     file = tmp_path / "ladder.npz"
     how = ("--order", 20, "--retain-buses", "50,78")
-    assert command("reduce", "npcc", *how, "--save", file)[0] == 0
+    assert command("reduce", "npcc", *how, "--out", file)[0] == 0
     arguments = ("simulate", "npcc", "--t-end", 0.1, "--model", "adaptive", "--reduced", file)
     for option, said in (
         (("--study-buses", "1-30"), "is for study buses 1-36, not 1-30"),

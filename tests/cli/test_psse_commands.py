@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gridfold as gf
 from gridfold.study.prepare import load_grid
 from gridfold.study.study_file import parse_study
 
@@ -158,7 +159,6 @@ def test_commands_take_these_files_and_tell_the_same_basis(command):
         ("cct", RAW, DYR, "--buses", 2, "--t-end", 0.5, "--longest", 0.2),
     ):
         facts = record(command, *arguments, "--loads", "0.2,0.3,0.5")
-        facts = facts[0] if isinstance(facts, list) else facts
         basis = {name: facts[name] for name in BASIS}
         expected = expected or basis
         assert basis == expected
@@ -193,6 +193,48 @@ def test_simulate_stores_what_was_used_in_every_file(command, tmp_path):
         assert found["GENTPJ1"]["active_mw"] == 60.0
         assert found["REGCB1"]["outcome"] == "negative load"
         assert found["IEELAL"]["share"] == 1.0
+
+
+def test_a_case_tells_the_faults_of_all_its_stages_and_their_options_at_once(command, tmp_path):
+    """The network has an island without a slack unit, a unit no machine, a governor too low a limit."""
+    dyr = low_limit(tmp_path)
+    text = dyr.read_text()
+    dyr.write_text(text[: text.index("   2 'GENCLS'")] + "   1 'FANCY9' 1  1 2 3 /\n")
+    said = refusal(command, "eigenvalues", ISLAND, dyr)
+    faults = ("an island without a slack unit", "FANCY9", "no machine for generators in service: 1")
+    answers = ("--allow-unsupported-network", "--unsupported classical", "--no-data negative-load")
+    assert all(fault in said for fault in (*faults, "tgov1 1:1: VMAX"))
+    places = [said.index(answer) for answer in (*answers, "--on-limit adjust")]
+    assert places == sorted(places)
+    assert places[0] > said.index("tgov1 1:1: VMAX")
+    # the options that it names are enough
+    options = (answers[0], *" ".join(answers[1:]).split(), "--on-limit", "adjust")
+    assert command("eigenvalues", ISLAND, dyr, *options)[0] == 0
+    # what is answered already is not told, and nothing is told twice
+    rest = refusal(command, "eigenvalues", ISLAND, dyr, *options[:-2])
+    assert "tgov1 1:1: VMAX" in rest
+    assert not any(fault in rest for fault in faults)
+    assert said.count("an island without") == said.count("FANCY9 (") == 1
+
+
+def test_what_is_chosen_stays_chosen_while_later_faults_are_looked_for(command, tmp_path):
+    dyr = low_limit(tmp_path)
+    text = dyr.read_text()
+    dyr.write_text(text[: text.index("   2 'GENCLS'")])
+    said = refusal(command, "eigenvalues", ISLAND, dyr, "--typical")
+    assert "an island without a slack unit" in said
+    assert "tgov1 1:1: VMAX" in said
+    assert "--no-data" not in said
+
+
+def test_python_tells_the_faults_of_network_and_dynamic_data_at_once(tmp_path):
+    broken = tmp_path / "broken.dyr"
+    broken.write_text("   1 'GENROU' 1  1 2 3 /\n")
+    with pytest.raises(gf.CaseError) as refused:
+        gf.load_case(ISLAND, broken)
+    assert "an island without a slack unit" in str(refused.value)
+    assert "GENROU" in str(refused.value)
+    assert "allow_unsupported_network=True" in str(refused.value)
 
 
 def test_limits_that_were_moved_are_told_and_are_no_doubt_by_themselves(command, tmp_path):
@@ -324,7 +366,7 @@ TWO_AREAS = Path(__file__).parents[2] / "examples" / "psse_study"
 def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
     raw, dyr = TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr"
     area, path = ("--study-areas", 1), tmp_path / "k.npz"
-    facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--save", path)
+    facts = record(command, "reduce", raw, dyr, *area, *how, "--loads", "raw", "--out", path)
     assert facts["load_model"] == "raw"
     with np.load(path) as archive:
         assert json.loads(str(archive["metadata"]))["load_model"] == "raw"

@@ -180,14 +180,14 @@ def test_a_machine_that_is_never_in_service_is_left_out_of_the_comparison(comman
 def test_critical_clearing_times_come_from_the_model_asked_for(command, falling_costs):
     options = ("cct", "npcc", "--buses", "17", "--t-end", 4, "--longest", 0.3)
     found = {
-        model: record(command, *options, "--model", model)[0]
+        model: record(command, *options, "--model", model)
         for model in ("detailed", "linear", "retained", "adaptive", "whole", "paper", "paper-whole")
     }
     assert [row["model"] for row in found.values()] == list(found)
-    assert {row["cct_s"] for row in found.values()} == {0.03}
+    assert {row["clearing_times"][0]["cct_s"] for row in found.values()} == {0.03}
     assert {row["model_reason"] for row in found.values()} == {None}
     frozen = record(command, *options, "--model", "paper-whole", "--angle-deg", 180)
-    assert frozen[0]["cct_s"] > 0.03
+    assert frozen["clearing_times"][0]["cct_s"] > 0.03
 
 
 def test_reduce_tells_order_bound_and_singular_values_of_the_papers_form(command):
@@ -254,7 +254,7 @@ def runs_of(command, tmp_path, *choices):
 def test_a_saved_model_gives_the_same_run_to_the_last_bit(command, tmp_path, options):
     file = tmp_path / "reduced.npz"
     how = ("reduce", "npcc", "--outputs", "states", "--order", 60)
-    assert command(*how, "--save", file)[0] == 0
+    assert command(*how, "--out", file)[0] == 0
     made, loaded = runs_of(
         command, tmp_path, ("--model", *options, "--order", 60),
         ("--model", *options, "--reduced", file),
@@ -265,7 +265,7 @@ def test_a_saved_model_gives_the_same_run_to_the_last_bit(command, tmp_path, opt
 
 def test_a_saved_ladder_gives_the_same_runs_to_the_last_bit(command, falling_costs, tmp_path):
     file, how = tmp_path / "reduced.npz", ("--order", 30)
-    assert command("reduce", "npcc", *how, "--save", file)[0] == 0
+    assert command("reduce", "npcc", *how, "--out", file)[0] == 0
     for model in ("linear", "retained", "adaptive", "whole"):
         made, loaded = runs_of(
             command, tmp_path, ("--model", model, *how), ("--model", model, "--reduced", file)
@@ -286,7 +286,7 @@ def test_a_saved_ladder_gives_the_same_runs_to_the_last_bit(command, falling_cos
 )
 def test_options_that_contradict_the_file_are_refused(command, tmp_path, options, message):
     file = tmp_path / "reduced.npz"
-    command("reduce", "npcc", "--outputs", "states", "--order", 60, "--save", file)
+    command("reduce", "npcc", "--outputs", "states", "--order", 60, "--out", file)
     arguments = ("simulate", "npcc", "--model", "paper", "--reduced", file, "--t-end", 0.1)
     code, _, err = command(*arguments, *options)
     assert code == 2
@@ -297,7 +297,7 @@ def test_options_that_contradict_the_file_are_refused(command, tmp_path, options
 
 def test_a_file_of_another_case_ends_with_exit_code_2_and_its_name(command, tmp_path):
     file = tmp_path / "reduced.npz"
-    command("reduce", "npcc", "--order", 30, "--save", file)
+    command("reduce", "npcc", "--order", 30, "--out", file)
     code, _, err = command("cct", "npcc-pst", "--buses", 3, "--model", "linear", "--reduced", file)
     assert code == 2
     assert str(file) in err.replace("\n", "")
@@ -400,7 +400,7 @@ def test_clearing_times_take_coupling_outputs_and_reducer(command):
         ("--outputs", "states"),
         ("--outputs", "states", "--reducer", "modal", "--order", 80),
     ):
-        assert record(command, *options, *more)[0]["cct_s"] == 0.03
+        assert record(command, *options, *more)["clearing_times"][0]["cct_s"] == 0.03
 
 
 def test_a_threshold_in_siemens_is_that_in_per_unit(command):
@@ -424,7 +424,7 @@ def test_modal_truncation_has_an_order_but_no_bound(command):
 def test_slow_modes_are_kept_besides_the_order_and_in_the_file(command, tmp_path):
     file, options = tmp_path / "reduced.npz", ("--order", 30, "--slow-modes", 0.246)
     paper = ("--outputs", "states")
-    facts = record(command, "reduce", "npcc", *options, *paper, "--save", file)
+    facts = record(command, "reduce", "npcc", *options, *paper, "--out", file)
     assert (facts["order"], facts["bound"]) == (33, None)
     assert facts["reducer"]["slow_modes"] == 0.246
     expected = states(command, tmp_path, "--model", "linear", *paper, *options)
@@ -436,7 +436,7 @@ def test_slow_modes_are_kept_besides_the_order_and_in_the_file(command, tmp_path
 def test_a_saved_model_runs_with_the_coupling_asked_for(command, tmp_path, reducer):
     file = tmp_path / "reduced.npz"
     how = ("--reducer", reducer, "--order", 60)
-    assert command("reduce", "npcc", "--outputs", "states", *how, "--save", file)[0] == 0
+    assert command("reduce", "npcc", "--outputs", "states", *how, "--out", file)[0] == 0
     for choice in (("--coupling", "lagged"), ("--coupling", "exact")):
         expected = states(command, tmp_path, "--model", "hybrid", *how, *choice)
         found = states(command, tmp_path, "--model", "hybrid", "--reduced", file, *choice)
@@ -631,7 +631,7 @@ def test_choices_that_contradict_each_other_are_refused_by_name(command, argumen
 def test_options_that_contradict_the_reducer_of_the_file_are_refused(command, tmp_path):
     file = tmp_path / "reduced.npz"
     how = ("--reducer", "modal", "--order", 60)
-    command("reduce", "npcc", "--outputs", "states", *how, "--save", file)
+    command("reduce", "npcc", "--outputs", "states", *how, "--out", file)
     arguments = (*REDUCED, "hybrid", "--reduced", file)
     for options, message in (
         (("--reducer", "balanced"), "is for reducer modal, not balanced"),

@@ -25,8 +25,9 @@ from gridfold.cli.app import app, main
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.dyr import read_dyr
 from gridfold.io.unit_sources import read_unit_sources
+from gridfold.report.result_tables import result_tables
 from gridfold.report.study_report import write_report
-from gridfold.report.study_tables import result_table, study_facts
+from gridfold.report.study_tables import study_facts
 from gridfold.study.generate import from_table, list_contingencies
 from gridfold.study.study_file import load_study, template
 
@@ -231,7 +232,7 @@ def _store() -> Sequence[tuple[str, bytes]]:
 def _read_store(path: Path) -> None:
     with gf.StudyStore.read(path.parent) as store:
         study_facts(store)
-        result_table(store.frame(), 10)
+        result_tables(store.frame(), 10, 80)
         write_report(store, path.with_name("report.html"))
 
 
@@ -356,7 +357,8 @@ def _parameters(command: str) -> tuple[str, ...]:
     import typer.main
 
     group = typer.main.get_command(app)
-    found = group.commands[command].params  # type: ignore[attr-defined]
+    context = group.make_context("gridfold", [], resilient_parsing=True)
+    found = group.get_command(context, command).params  # type: ignore[attr-defined]
     return tuple(name for parameter in found for name in parameter.opts)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numba import types
 
-from gridfold.numerics import kernel_cache
+from gridfold.numerics import kernel_cache, user_folders
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import PACKAGE
 from gridfold.numerics.compiled import compile_callback, jit
@@ -247,7 +247,7 @@ def test_the_first_folder_that_can_be_made_is_taken(tmp_path, monkeypatch):
 
 
 def test_a_temporary_folder_of_someone_else_is_not_trusted(tmp_path, monkeypatch):
-    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(user_folders.tempfile, "gettempdir", lambda: str(tmp_path))
     mine = tmp_path / f"gridfold-{os.getuid()}"
     assert mine / "compiled" in list(kernel_cache._roots())
     mine.chmod(0o777)
@@ -255,6 +255,30 @@ def test_a_temporary_folder_of_someone_else_is_not_trusted(tmp_path, monkeypatch
     mine.rmdir()
     mine.symlink_to(tmp_path)
     assert mine / "compiled" not in list(kernel_cache._roots())
+
+
+def test_where_nothing_can_be_written_code_is_compiled_and_not_kept(monkeypatch):
+    def nowhere(*_, **__):
+        raise FileNotFoundError("no usable temporary directory")
+
+    monkeypatch.setattr(kernel_cache, "config", type("Config", (), {"CACHE_DIR": "/proc/nowhere"}))
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(user_folders.tempfile, "gettempdir", nowhere)
+    monkeypatch.setattr(kernel_cache.tempfile, "TemporaryDirectory", nowhere)
+    kernel_cache._for_this_process.cache_clear()
+    kernel_cache._folder.cache_clear()
+    try:
+        assert jit()(_three)(1.5) == 4.5
+        kept = kernel_cache.kept_code()
+        assert (kept.functions, kept.temporary) == (0, True)
+        assert not kept.folder.exists()
+    finally:
+        kernel_cache._for_this_process.cache_clear()
+        kernel_cache._folder.cache_clear()
+
+
+def _three(x):
+    return 3 * x
 
 
 def test_the_command_starts_without_a_home():

@@ -22,9 +22,9 @@ from gridfold.cli.console import (
 )
 from gridfold.cli.options import (
     CaseOptions,
+    JobsOption,
     JsonOption,
     RunOptions,
-    WorkersOption,
     run_option,
 )
 from gridfold.equivalents.auto import Work
@@ -200,7 +200,7 @@ def cct(
     ] = None,
     resolution: Annotated[float, run_option(help="Grid of clearing times (s).")] = 0.01,
     longest: Annotated[float, run_option(help="Longest clearing time tried (s).")] = 2.0,
-    workers: WorkersOption = None,
+    jobs: JobsOption = None,
     json: JsonOption = None,
 ) -> None:
     """Critical clearing times of three-phase faults at buses and lines, on all cores.
@@ -231,7 +231,7 @@ def cct(
         times = critical_clearing_times(
             grid,
             faults,
-            workers,
+            jobs,
             on_done=bars.counter("clearing times", len(faults)),
             resolution=resolution,
             longest=longest,
@@ -242,7 +242,8 @@ def cct(
         )
     name = simulator.kind.value
     told = {"model": name, "model_reason": simulator.reason} | method.record() | basis.record()
-    write_json_option(json, [_clearing_record(item) | told for item in times])
+    about = {"case": grid.case.name, "fingerprint": grid.case.fingerprint, **told}
+    write_json_option(json, about | {"clearing_times": [_clearing_record(item) for item in times]})
     if speaks_to_people(json):
         out.print(clearing_table(times))
         out.print(

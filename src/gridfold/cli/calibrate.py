@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from gridfold.cli.console import (
-    ExitCode,
     StageBars,
     out,
     say_basis,
@@ -20,16 +19,17 @@ from gridfold.cli.console import (
     stage_bars,
     write_json_option,
 )
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.option_groups import given, refuse
 from gridfold.cli.options import (
     AngleNormOptions,
     AreaOptions,
     CaseOptions,
     CouplingOptions,
+    JobsOption,
     JsonOption,
     ReductionOptions,
     RunOptions,
-    WorkersOption,
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.model import DetailedModel
@@ -83,7 +83,7 @@ def calibrate(
         list[ThresholdChoice] | None,
         typer.Option(help="What to calibrate; may be repeated.", show_default="all three"),
     ] = None,
-    workers: WorkersOption = None,
+    jobs: JobsOption = None,
     json: JsonOption = None,
 ) -> None:
     """Find the thresholds with which all rotor-angle errors in the study area stay below a limit.
@@ -109,7 +109,7 @@ def calibrate(
     with stage_bars() as bars:
         result = run_calibration(
             parts,
-            [*_critical(model, faulted, runs, method, workers, bars), *events],
+            [*_critical(model, faulted, runs, method, jobs, bars), *events],
             runs.t_end,
             method.stepper,
             reducer,
@@ -117,7 +117,7 @@ def calibrate(
             what=what,
             column_norm=norm.given(couple(parts)),
             criterion=runs.criterion,
-            workers=workers,
+            workers=jobs,
             on_progress=lambda step: bars.show(*step),
             coupling=boundary.coupling or BoundaryCoupling.EXACT,
         )
@@ -136,7 +136,7 @@ def _critical(
     buses: Sequence[int],
     runs: RunOptions,
     method: Choice,
-    workers: int | None,
+    jobs: int | None,
     bars: StageBars,
 ) -> list[Event]:
     """Faults at buses with their critical clearing times."""
@@ -145,7 +145,7 @@ def _critical(
     times = critical_clearing_times(
         model,
         [BusFault(bus) for bus in buses],
-        workers,
+        jobs,
         bars.counter("clearing times", len(buses)),
         longest=min(2.0, runs.t_end / 2),
         t_end=runs.t_end,

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gridfold.cli.console import ExitCode, out, speaks_to_people, write_json_option
+from gridfold.cli.console import out, speaks_to_people, write_json_option
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import JsonOption
 from gridfold.dynamics.device import Device
 from gridfold.errors import OptionError

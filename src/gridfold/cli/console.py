@@ -1,4 +1,4 @@
-"""What all commands share: terminals, progress bars, exit codes, options as text."""
+"""What all commands share: terminals, progress bars, options as text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.io.results import write_json
 from gridfold.report.plain import PlainConsole, visible
 from gridfold.report.tables import basis_facts, doubt_lines, facts_table
@@ -27,22 +27,6 @@ from gridfold.systems.status import Status
 
 out = PlainConsole(highlight=False)
 err = PlainConsole(stderr=True, highlight=False)
-
-EXIT_CODES = (
-    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
-    "speed; 4 contingencies of a study failed; 130 a study was interrupted; 1 anything else, such as "
-    "non-finite states."
-)
-
-
-class ExitCode(IntEnum):
-    """Exit codes of the command."""
-
-    COMPLETED = 0
-    FAILED = 1
-    BAD_INPUT = 2
-    LOST_SYNCHRONISM = 3
-    ROWS_FAILED = 4
 
 
 def exit_code(status: Status) -> ExitCode:

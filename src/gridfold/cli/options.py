@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from gridfold.cli.completion import case_sources
 from gridfold.cli.console import err
 from gridfold.cli.option_groups import given
 from gridfold.dynamics.area_model import BoundaryCoupling
@@ -34,7 +35,7 @@ from gridfold.grid.case import Case
 from gridfold.partition import Coupling, Partition, chosen_study_buses, couple, study_buses
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
-from gridfold.runs.loading import Solve, is_network_file, load_case
+from gridfold.runs.loading import Solve, faults_later, is_network_file, load_case
 from gridfold.runs.method import Choice, Method, choose_stepper
 from gridfold.runs.own_devices import load_devices
 from gridfold.runs.size import check_times
@@ -58,7 +59,9 @@ DevicesOption = Annotated[
         "May be repeated.",
     ),
 ]
-WorkersOption = Annotated[int | None, run_option(min=1, help="Threads.", show_default="one a core")]
+JobsOption = Annotated[
+    int | None, run_option("--jobs", "-j", min=1, help="How many threads.", show_default="cores")
+]
 
 
 class NoData(Enum):
@@ -76,7 +79,8 @@ class CaseOptions:
         str,
         typer.Argument(
             help="A built-in case (npcc, npcc-pst), a case folder, or a file: .raw (PSS/E), .m "
-            "(MATPOWER), .mat (RAPID)."
+            "(MATPOWER), .mat (RAPID).",
+            autocompletion=case_sources,
         ),
     ]
     dyr: Annotated[
@@ -166,6 +170,9 @@ class CaseOptions:
 
     def load(self) -> Case:
         """The case."""
+        return self._load(self.device_models)
+
+    def _load(self, devices: Mapping[str, Device]) -> Case:
         return load_case(
             self.case,
             self.dyr,
@@ -176,7 +183,7 @@ class CaseOptions:
             raw_revision=self.raw_revision,
             solve=self.solve,
             strict=self.strict,
-            devices=self.device_models,
+            devices=devices,
         )
 
     def build(self, backend: NetworkBackend = NetworkBackend.AUTO) -> DetailedModel:
@@ -186,18 +193,36 @@ class CaseOptions:
                 f"{self.case} holds the network alone; the file with its dynamic data (.dyr) comes "
                 "after it"
             )
-        model = build_model(
-            self.load(),
-            backend=backend,
-            devices=self.device_models,
-            on_limit=self.on_limit,
-            loads=self.load_model,
-        )
+        with faults_later(lambda: self._start(self._answered._load(self.device_models), backend)):
+            case = self.load()
+        model = self._start(case, backend)
         self._tell_unused(model)
-        model = with_start_checked(model)
         if self.strict:
             refuse_doubtful_start(model.case, basis_of(model))
         return model
+
+    @property
+    def _answered(self) -> CaseOptions:
+        """The same with all options by which a file with faults may be loaded."""
+        refusing = self.unsupported is Unsupported.ERROR
+        return replace(
+            self,
+            unsupported=Unsupported.CLASSICAL if refusing else self.unsupported,
+            no_data=NoData.ERROR if self.typical else NoData.NEGATIVE_LOAD,
+            allow_unsupported_network=True,
+            strict=False,
+        )
+
+    def _start(self, case: Case, backend: NetworkBackend) -> DetailedModel:
+        return with_start_checked(
+            build_model(
+                case,
+                backend=backend,
+                devices=self.device_models,
+                on_limit=self.on_limit,
+                loads=self.load_model,
+            )
+        )
 
     def _tell_unused(self, model: DetailedModel) -> None:
         """Say so where no unit has a model of the files given."""

@@ -71,12 +71,14 @@ def reduce(
     source: CaseOptions,
     external: ExternalOptions,
     outputs: OutputsOption = Outputs.POLAR,
-    save: Annotated[Path | None, typer.Option(help="Write the reduced model (.npz).")] = None,
+    file: Annotated[
+        Path | None, typer.Option("--out", help="Write the reduced model (.npz).")
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Linearize and reduce the external area; print its order, error bound and singular values.
 
-    Example: gridfold reduce npcc --study-buses 1-36 --save npcc.npz
+    Example: gridfold reduce npcc --study-buses 1-36 --out npcc.npz
     """
     model = source.build()
     began = time.perf_counter()
@@ -86,8 +88,8 @@ def reduce(
     family = settings.build(parts)
     seconds = time.perf_counter() - began
     assert isinstance(family, Ladder | ReducedExternal)
-    if save is not None:
-        save_reduced(save, family, settings.norm)
+    if file is not None:
+        save_reduced(file, family, settings.norm)
     write_json_option(json, _reduction_record(family, settings, seconds))
     if speaks_to_people(json):
         if isinstance(family, Ladder):
@@ -96,8 +98,8 @@ def reduce(
         else:
             buses = as_ranges(family.parts.study_buses)
             out.print(facts_table(reduction_facts(family, settings.norm, buses, seconds)))
-        if save is not None:
-            out.print(facts_table({"Saved as": str(save)}))
+        if file is not None:
+            out.print(facts_table({"Saved as": str(file)}))
         say_basis(basis_of(model))
 
 

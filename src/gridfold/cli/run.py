@@ -13,7 +13,6 @@ import typer
 
 from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
-    EXIT_CODES,
     err,
     exit_code,
     out,
@@ -24,6 +23,7 @@ from gridfold.cli.console import (
     speaks_to_people,
     write_json_option,
 )
+from gridfold.cli.exit_codes import EXIT_CODES
 from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
 from gridfold.dynamics.model import DetailedModel, build_model

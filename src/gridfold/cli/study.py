@@ -22,15 +22,16 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from gridfold.cli.console import ExitCode, QuietProgress, err, out
+from gridfold.cli.console import QuietProgress, err, out
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import DevicesOption
 from gridfold.cli.trusted import trusted_devices
 from gridfold.errors import OutputError
 from gridfold.io.study_store import StudyStore
+from gridfold.report.result_tables import result_tables
 from gridfold.report.study_tables import (
     count_line,
     failure_lines,
-    result_table,
     study_counts,
     study_facts,
 )
@@ -155,7 +156,8 @@ def run(
         out.print(facts_table(study_facts(store, outcome)))
         frame = store.frame(sort="largest_separation_deg", descending=True)
         if outcome.complete:
-            out.print(result_table(frame, _ROWS))
+            for table in result_tables(frame, _ROWS, out.width):
+                out.print(table)
             out.print(count_line(len(frame), _ROWS, study_counts(store)))
     if outcome.stage is Stage.INTERRUPTED:
         err.print(

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gridfold.cli.console import ExitCode, err, out, write_json_option
+from gridfold.cli.console import err, out, write_json_option
+from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import JsonOption
 from gridfold.cli.study import StudyFolder, output_option
 from gridfold.errors import OptionError
@@ -15,11 +16,11 @@ from gridfold.io.results import write_csv, write_parquet
 from gridfold.io.spreadsheet import formula_cells, without_formulas
 from gridfold.io.study_repair import check_store, repair_store
 from gridfold.io.study_store import StudyStore
+from gridfold.report.result_tables import result_tables
 from gridfold.report.study_report import write_report
 from gridfold.report.study_tables import (
     count_line,
     damage_lines,
-    result_table,
     study_counts,
     study_facts,
 )
@@ -87,7 +88,8 @@ def show(
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         write_json_option(json, notes | {"results": rows})
     if json != "-":
-        out.print(result_table(frame, limit, wanted))
+        for table in result_tables(frame, limit, out.width, wanted):
+            out.print(table)
         out.print(count_line(len(frame), limit, counts))
 
 

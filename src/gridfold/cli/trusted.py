@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +12,7 @@ from gridfold.cli.console import err
 from gridfold.errors import OutputError
 from gridfold.io.results import write_json
 from gridfold.numerics.code_files import Code
-from gridfold.numerics.user_folders import user_folder
+from gridfold.numerics.user_folders import belongs_to_user, user_folder
 from gridfold.runs.own_devices import read_devices
 from gridfold.study.study_file import load_study
 from gridfold.study.trust import code_record, listing
@@ -67,8 +66,8 @@ def _is_remembered(code: Code) -> bool:
         return False
     try:
         return (
-            file.stat().st_uid == os.getuid()
-            and json.loads(file.read_text())["digest"] == code.digest
+            belongs_to_user(file.stat())
+            and json.loads(file.read_text(encoding="utf-8"))["digest"] == code.digest
         )
     except (OSError, ValueError, TypeError, KeyError):
         return False

@@ -38,6 +38,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.errors import DeviceError
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import package_name
@@ -183,8 +184,8 @@ def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
     return ()
 
 
-@dataclass(frozen=True)
-class Device:
+@dataclass(frozen=True, repr=False)
+class Device(Card):
     """A device model.
 
     Parameters
@@ -267,6 +268,14 @@ class Device:
     psse_names: tuple[str, ...] = ()
     psse_icons: int = 0
     replaces_built_in: bool = False
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "model": self.model,
+            "kind": self.role.name.lower(),
+            "parameters": len(self.parameters),
+            "states": first_few(self.states),
+        }
 
     @cached_property
     def parameter_rows(self) -> tuple[str, ...]:

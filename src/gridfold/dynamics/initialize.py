@@ -38,6 +38,9 @@ class OnLimit(Enum):
     ADJUST = "adjust"
 
 
+_MOVE = '--on-limit adjust (on_limit="adjust") moves limits to where the operating point needs them'
+
+
 @dataclass(frozen=True)
 class Start:
     """The layout with all set points filled in, the initial state and the constant inputs.
@@ -74,8 +77,7 @@ def initialize(
     blocks, x0, known = _start_all(layout, power_flow, report)
     if report.lines and on_limit is OnLimit.ERROR:
         raise InitializationError(
-            "the operating point is beyond limits; correct them, or have them moved there "
-            "(on_limit 'adjust'):\n  " + "\n  ".join(report.lines)
+            "the operating point is beyond limits:\n  " + "\n  ".join(report.lines), [_MOVE]
         )
     constants = np.array([known[name] for name in layout.constant_names])
     return Start(replace(layout, blocks=tuple(blocks)), x0, constants, tuple(report.lines))

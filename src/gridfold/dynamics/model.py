@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card
 from gridfold.dynamics.assemble import assemble, negative_loads
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.device_functions import norton_admittance
@@ -68,8 +69,8 @@ class StartData(NamedTuple):
     injections: Injections
 
 
-@dataclass(frozen=True)
-class DetailedModel:
+@dataclass(frozen=True, repr=False)
+class DetailedModel(Card):
     """All dynamic devices of a case on its network in one state: x' = f(x).
 
     Build it with :func:`build_model`; :meth:`for_state` gives the same devices on another network.
@@ -120,6 +121,16 @@ class DetailedModel:
     doubts: tuple[Doubt, ...] = ()
     on_limit: OnLimit = OnLimit.ERROR
     start: StartData | None = field(default=None, repr=False)
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.case.name,
+            "machines": len(self.machines),
+            "states": self.n_states,
+            "loads": self.loads,
+            "network": "intact" if self.state == NetworkState() else "changed",
+            "warnings": len(self.warnings),
+        }
 
     @property
     def case(self) -> Case:

@@ -46,8 +46,8 @@ def naming_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterat
         if not lines:
             raise
         more = [f"  ... and {len(lines) - _NAMED} more"] if len(lines) > _NAMED else []
-        text = "\n".join([str(error), "Doubtful data, which may be why:", *lines[:_NAMED], *more])
-        raise type(error)(text) from error
+        text = "\n".join([error.text, "Doubtful data, which may be why:", *lines[:_NAMED], *more])
+        raise type(error)(text, error.advice) from error
 
 
 def device_doubts(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[Doubt]:

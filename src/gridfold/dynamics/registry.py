@@ -125,7 +125,15 @@ _ALL = (
     WTTQA1,
 )
 
-DEVICES: dict[str, Device] = {device.model: device for device in _ALL}
+
+class _Devices(dict[str, Device]):
+    """All devices by name, with a short ``repr`` for the signatures that have them as default."""
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} device models>"
+
+
+DEVICES: dict[str, Device] = _Devices({device.model: device for device in _ALL})
 
 #: Not a device: marks a generator whose solved power becomes a constant (negative) load admittance.
 NEGATIVE_LOAD = "negative_load"

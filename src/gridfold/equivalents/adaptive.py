@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import (
@@ -93,8 +94,8 @@ class Attempt:
         }
 
 
-@dataclass(frozen=True)
-class AdaptiveRun:
+@dataclass(frozen=True, repr=False)
+class AdaptiveRun(Card):
     """A run with reduced models.
 
     Parameters
@@ -120,6 +121,17 @@ class AdaptiveRun:
     modes: tuple[Mode, ...] = ()
     error_estimate_deg: float | None = None
     attempts: tuple[Attempt, ...] = ()
+
+    def _facts(self) -> dict[str, object]:
+        used = dict.fromkeys(mode.value for mode in self.modes)
+        facts = {
+            **self.trajectory._facts(),
+            "models": first_few(used),
+            "switches": len(self.switches),
+        }
+        if self.error_estimate_deg is not None:
+            facts["estimated error"] = f"{self.error_estimate_deg:.2g} degrees"
+        return facts
 
 
 class Choice(NamedTuple):

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 import time as clock
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import takewhile
 
+from gridfold.cards import Card
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.contingency_errors import (
     AngleError,
@@ -103,8 +104,8 @@ class Threshold:
         return max(self.errors, key=lambda error: error.rms_deg, default=None)
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Card):
     """Calibrated thresholds, one for each kind asked for.
 
     Parameters
@@ -135,6 +136,15 @@ class Calibration:
     left_out: tuple[LeftOut, ...]
     detailed_runs: int
     seconds: float
+
+    def _facts(self) -> Mapping[str, object]:
+        units = {ThresholdKind.COLUMN_NORM: "p.u."}
+        return {"limit": f"to {self.limit_deg:g} degrees RMS"} | {
+            kind.value: "none"
+            if found.value is None
+            else f"{found.value:g} {units.get(kind, 'deg')}"
+            for kind, found in self.thresholds.items()
+        }
 
     @property
     def kept(self) -> tuple[UnitKey, ...]:

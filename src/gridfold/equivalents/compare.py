@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.runs.trajectory import AngleReference, Trajectory
@@ -26,8 +27,8 @@ class UnitError:
     relative_rms_deg: float
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Card):
     """Errors of a run against the detailed one.
 
     Parameters
@@ -40,6 +41,15 @@ class Comparison:
 
     units: tuple[UnitError, ...]
     state_rms: dict[str, float]
+
+    def _facts(self) -> dict[str, object]:
+        worst = sorted(self.units, key=lambda error: -error.rms_deg)
+        return {
+            "machines": f"of {len(self.units)} machines",
+            "errors (RMS)": first_few(
+                f"{error.unit} {error.rms_deg:.3g} degrees" for error in worst
+            ),
+        }
 
     @property
     def worst(self) -> UnitError:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from gridfold.cards import Card
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.compare import UnitError, compare
@@ -46,12 +47,22 @@ class BudgetRow:
     error: UnitError | None
     status: Status
 
+    @property
+    def told(self) -> str:
+        """The error in words, or why there is none."""
+        return self.status.value if self.error is None else f"{self.error.rms_deg:.3g} degrees RMS"
 
-@dataclass(frozen=True)
-class ErrorBudget:
+
+@dataclass(frozen=True, repr=False)
+class ErrorBudget(Card):
     """Errors by cause; they need not add up."""
 
     rows: tuple[BudgetRow, ...]
+
+    def _facts(self) -> Mapping[str, object]:
+        return {"causes": f"of {len(self.rows)} causes"} | {
+            row.source: row.told for row in self.rows
+        }
 
 
 @one_blas_thread

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun
 from gridfold.equivalents.families import Mode, SmallModel
@@ -40,8 +41,8 @@ EVERY = 0.05
 CARRYING = 0.01
 
 
-@dataclass(frozen=True)
-class ErrorEstimate:
+@dataclass(frozen=True, repr=False)
+class ErrorEstimate(Card):
     """Estimated errors of rotor angles against the centre of inertia of their island.
 
     Parameters
@@ -60,6 +61,12 @@ class ErrorEstimate:
     times: NDArray[np.float64] = field(repr=False)
     angles_deg: NDArray[np.float64] = field(repr=False)
     largest_deg: float
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "machines": f"of {len(self.units)} machines",
+            "worst": f"{self.worst_deg:.2g} degrees RMS against the centre of inertia",
+        }
 
     @property
     def rms_deg(self) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.area_model import (
     BoundaryCoupling,
     HeldBoundary,
@@ -136,8 +137,8 @@ class ModelFamily(Protocol):
         """The family about another operating point, that of `model` at `point`."""
 
 
-@dataclass(frozen=True)
-class ReducedExternal:
+@dataclass(frozen=True, repr=False)
+class ReducedExternal(Card):
     """The external area reduced: equations (3)-(15) of Osipov & Sun.
 
     Build it with :func:`reduce_external`.
@@ -173,6 +174,15 @@ class ReducedExternal:
     reducer: Reducer
     boundary: BoundaryCoupling = BoundaryCoupling.EXACT
     at_limits: tuple[str, ...] = ()
+
+    def _facts(self) -> dict[str, object]:
+        bound = self.reduction.bound
+        return {
+            "case": self.parts.model.case.name,
+            "states": f"{len(self.area.index)} reduced to {self.reduction.order}",
+            "bound": "none" if bound is None else f"{bound:.1e}",
+            "kept nonlinear": first_few(self.kept),
+        }
 
     @property
     def reference_unit(self) -> UnitKey | None:
@@ -316,8 +326,8 @@ def slow_modes(model: DetailedModel, x: NDArray[np.float64], decay: float) -> ND
     return np.hstack([chosen.real, chosen.imag])
 
 
-@dataclass(frozen=True)
-class WholeSystem:
+@dataclass(frozen=True, repr=False)
+class WholeSystem(Card):
     """The whole system without partition: equations (16) and (17) of Osipov & Sun.
 
     The hybrid model keeps the functions of the study area and of the kept machines; the linear model
@@ -330,6 +340,13 @@ class WholeSystem:
     origin: NDArray[np.float64] = field(repr=False)
     rate: float = 0.0
     at_limits: tuple[str, ...] = ()
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.parts.model.case.name,
+            "states": len(self.origin),
+            "kept nonlinear": first_few(self.kept),
+        }
 
     @property
     def reference_unit(self) -> UnitKey | None:

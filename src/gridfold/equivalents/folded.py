@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
@@ -47,8 +48,8 @@ from gridfold.systems.statemap import StateMap
 MOST_MISSED = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class FoldedArea:
+@dataclass(frozen=True, eq=False, repr=False)
+class FoldedArea(Card):
     """Study area and retained machines exact, all others linear behind ports, about a point.
 
     Build it with :func:`fold`.
@@ -99,6 +100,17 @@ class FoldedArea:
     at_limits: tuple[str, ...] = ()
     governed: tuple[UnitKey, ...] = ()
     made: str = "reduced at the equilibrium of the intact network"
+
+    def _facts(self) -> dict[str, object]:
+        bound = self.bases.bound
+        return {
+            "case": self.parts.model.case.name,
+            "model": self.mode.value,
+            "states": f"{len(self.area.state_index)} reduced to {self.bases.order}",
+            "bound": "none" if bound is None else f"{bound:.1e} p.u.",
+            "retained": first_few(self.retained),
+            "ports": first_few(self.ports.buses),
+        }
 
     @property
     def mode(self) -> Mode:

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
@@ -32,8 +33,8 @@ from gridfold.systems.protocol import System
 _STEPS, _TIMES = 200, 5
 
 
-@dataclass(frozen=True, eq=False)
-class Ladder:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ladder(Card):
     """Models of one partitioned system, the most exact first.
 
     Parameters
@@ -58,6 +59,16 @@ class Ladder:
     step_seconds: Mapping[Mode, float] = field(default_factory=dict)
     light_limits: Mapping[Mode, float] = field(default_factory=dict)
     place: Place | None = None
+
+    def _facts(self) -> dict[str, object]:
+        last = self.areas[-1]
+        return {
+            "case": self.parts.model.case.name,
+            "rungs": first_few(rung.value for rung in self.rungs),
+            "states": f"{len(last.area.state_index)} reduced to {last.bases.order}",
+            "retained": first_few(self.retained),
+            "ports": first_few(last.ports.buses),
+        }
 
     @property
     def rungs(self) -> tuple[Mode, ...]:

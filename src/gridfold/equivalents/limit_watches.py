@@ -152,7 +152,10 @@ def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:
     for name, time in sorted(first.items(), key=lambda item: item[1]):
         names.setdefault(time, []).append(name)
     return [
-        Notice(time, f"passed by a small model, which is not right beyond: {listed(group)}")
+        Notice(
+            time,
+            f"the small model has no limit here, so that its curves are wrong beyond: {listed(group)}",
+        )
         for time, group in names.items()
     ]
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from threading import Lock, RLock, local
 
+from gridfold.cards import Card
 from gridfold.dynamics.equilibrium import find_equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.angle_watches import AngleWatches
@@ -39,7 +40,7 @@ class _Known:
     lock: RLock = field(default_factory=RLock)
 
 
-class SmallModels:
+class SmallModels(Card):
     """Small models by network state, about the operating point that belongs to it.
 
     Hand the same store to several runs to build each model once. Threads may share it: what two of them
@@ -52,6 +53,12 @@ class SmallModels:
     most : int, optional
         Other topologies that are kept, the last used; all of them by default.
     """
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "family": repr(self.family),
+            "other topologies": len(self._others),
+        }
 
     def __init__(self, family: ModelFamily, most: int | None = None):
         self.family = family

@@ -14,6 +14,7 @@ from math import inf
 
 import numpy as np
 
+from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, Attempt, simulate_adaptive
 from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
@@ -37,7 +38,7 @@ from gridfold.systems.status import Status
 TRUSTED = 0.9
 
 
-class TolerantModel:
+class TolerantModel(Card):
     """A ladder whose runs keep a tolerance.
 
     Parameters
@@ -56,6 +57,13 @@ class TolerantModel:
     OptionError
         The tolerance is negative or not a number.
     """
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "tolerance": f"within {self.tolerance_deg:g} degrees",
+            "family": repr(self.small.family),
+            "rules": len(self.rules),
+        }
 
     def __init__(self, ladder: Ladder, tolerance_deg: float, most: int | None = None) -> None:
         if not 0 <= tolerance_deg < inf:

@@ -14,6 +14,7 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from gridfold.cards import Card
 from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
 from gridfold.grid.energy_source import EnergySource
@@ -199,8 +200,8 @@ class DeviceRecord:
 Record = Bus | Load | Shunt | Branch | Generator | DeviceRecord
 
 
-@dataclass(frozen=True)
-class Case:
+@dataclass(frozen=True, repr=False)
+class Case(Card):
     """A grid: its network, its operating point and its dynamic devices.
 
     `origins` tells for a record's name (``str(record)``) the file and line it came from.
@@ -236,6 +237,17 @@ class Case:
     doubts: tuple[Doubt, ...] = field(default=(), compare=False)
     file_counts: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     left_out: frozenset[UnitKey] = field(default=frozenset(), compare=False, repr=False)
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.name,
+            "buses": len(self.buses),
+            "branches": len(self.branches),
+            "generators": len(self.generators),
+            "loads": len(self.loads),
+            "devices": len(self.devices),
+            "base": f"{self.base_mva:g} MVA",
+        }
 
     @cached_property
     def bus_index(self) -> dict[int, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -61,8 +61,7 @@ def telling(folder: Path) -> Iterator[None]:
 def _room(folder: Path) -> str:
     """A hint where the disk is full."""
     try:
-        status = os.statvfs(folder)
-    except (OSError, AttributeError):
+        free = shutil.disk_usage(folder).free
+    except OSError:
         return ""
-    free = status.f_bavail * status.f_frsize
     return f" ({free // 1024} KiB are free on that disk)" if free < 2**24 else ""

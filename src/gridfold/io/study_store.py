@@ -20,6 +20,7 @@ import numpy as np
 from filelock import FileLock
 from numpy.typing import NDArray
 
+from gridfold.cards import Card
 from gridfold.errors import OptionError, OutputError
 from gridfold.io.study_damage import (
     LISTED,
@@ -63,11 +64,17 @@ class Result(NamedTuple):
     curves: Curves | None = None
 
 
-class StudyStore:
+class StudyStore(Card):
     """The results of one study. Make it with :meth:`create`, :meth:`resume` or :meth:`read`.
 
     Of a store that is damaged :meth:`read` gives what is whole; `damage` says what is not.
     """
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "folder": self.folder,
+            "damage": len(self.damage) or "none",
+        }
 
     def __init__(
         self,

@@ -15,11 +15,11 @@ import contextlib
 import os
 import pickle
 import shutil
-import stat
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from inspect import getsourcefile
@@ -43,10 +43,11 @@ from gridfold.numerics.code_files import (
     package_name,
     read_code,
 )
-from gridfold.numerics.user_folders import user_folder
+from gridfold.numerics.compile_notice import NOTICE
+from gridfold.numerics.user_folders import temporary_folder, user_folder
 
 #: Parts of the package that compiled code may come from, or take constants from.
-COMPILED_PARTS = ("numerics", "systems", "dynamics", "powerflow", "grid", "errors.py")
+COMPILED_PARTS = ("numerics", "systems", "dynamics", "powerflow", "grid", "errors.py", "cards.py")
 #: Folders that are kept, and days without use after which one is removed.
 _MOST_FOLDERS, _DAYS = 16, 30
 #: Files in a folder behind which nothing more is kept.
@@ -88,6 +89,12 @@ class KernelCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled code for a signature; None if there is none."""
+        found = self._read(sig, target_context)
+        if found is None:
+            NOTICE.begin((self._name, sig))
+        return found
+
+    def _read(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
         file = self._file(sig, target_context.codegen())
         try:
@@ -104,6 +111,7 @@ class KernelCache(_Cache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code for a signature."""
+        NOTICE.end((self._name, sig))
         if data.library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
             return
         content = dumps((sig, data._reduce()))
@@ -123,6 +131,32 @@ class KernelCache(_Cache):
 
     def flush(self) -> None:
         """Nothing is kept in memory."""
+
+
+@dataclass(frozen=True)
+class KeptCode:
+    """Where the package's own compiled code is kept.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of this version.
+    functions : int
+        Files in it, one for each function and signature.
+    temporary : bool
+        Whether it is gone when this process ends.
+    """
+
+    folder: Path
+    functions: int
+    temporary: bool
+
+
+def kept_code() -> KeptCode:
+    """Where the package's own compiled code is kept, and how much of it."""
+    folder = _folder(_BASE)
+    count = sum(1 for _ in folder.glob("*.machine"))
+    return KeptCode(folder, count, folder.parent not in _lasting_roots())
 
 
 def _has_room(folder: Path) -> bool:
@@ -207,7 +241,7 @@ def _folder(label: str) -> Path:
         except OSError:
             continue
         return folder
-    raise AssertionError("the last one was just made")
+    return Path(os.devnull) / label  # nothing can be written anywhere: nothing is kept
 
 
 def _mark(folder: Path) -> None:
@@ -232,22 +266,20 @@ def _remove_old(root: Path, kept: Path) -> None:
 
 
 def _roots() -> Iterator[Path]:
-    """Folders for compiled code, the best first; the last one can always be written."""
+    """Folders for compiled code, the best first; the last one can be written if anything can."""
+    yield from _lasting_roots()
+    with contextlib.suppress(OSError):
+        yield _for_this_process()
+
+
+def _lasting_roots() -> Iterator[Path]:
+    """Those that other processes find too."""
     if chosen := vars(config).get("CACHE_DIR"):
         yield Path(chosen) / "gridfold"
     if (home := user_folder("XDG_CACHE_HOME", ".cache")) is not None:
         yield home / "compiled"
-    own = Path(tempfile.gettempdir()) / f"gridfold-{os.getuid()}"
-    with contextlib.suppress(OSError):
-        own.mkdir(mode=0o700, exist_ok=True)
-        status = own.lstat()
-        if (
-            stat.S_ISDIR(status.st_mode)
-            and status.st_uid == os.getuid()
-            and not status.st_mode & 0o077
-        ):
-            yield own / "compiled"
-    yield _for_this_process()
+    if (shared := temporary_folder()) is not None:
+        yield shared / "compiled"
 
 
 @cache

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card
 from gridfold.dynamics.area_model import nonlinear_functions
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
@@ -29,8 +30,8 @@ class TieLine:
     external_bus: int
 
 
-@dataclass(frozen=True)
-class Partition:
+@dataclass(frozen=True, repr=False)
+class Partition(Card):
     """A detailed model divided into two areas.
 
     Parameters
@@ -50,6 +51,15 @@ class Partition:
     tie_lines: tuple[TieLine, ...]
     study_units: tuple[UnitKey, ...]
     external_units: tuple[UnitKey, ...]
+
+    def _facts(self) -> dict[str, object]:
+        outside = len(self.model.case.buses) - len(self.study_buses)
+        return {
+            "case": self.model.case.name,
+            "study area": f"{len(self.study_buses)} buses, {len(self.study_units)} machines",
+            "external area": f"{outside} buses, {len(self.external_units)} machines",
+            "tie lines": len(self.tie_lines),
+        }
 
     @property
     def boundary_buses(self) -> tuple[int, ...]:

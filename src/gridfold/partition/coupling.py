@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.admittance import branch_admittances
@@ -45,8 +46,8 @@ class ExternalNetwork:
     tie_admittance: NDArray[np.complex128]
 
 
-@dataclass(frozen=True)
-class Coupling:
+@dataclass(frozen=True, repr=False)
+class Coupling(Card):
     """Column norms of the external machines.
 
     Parameters
@@ -65,6 +66,13 @@ class Coupling:
     norms: NDArray[np.float64]
     base_mva: float
     rotors: frozenset[UnitKey]
+
+    def _facts(self) -> dict[str, object]:
+        largest = sorted(zip(self.norms.tolist(), self.units, strict=True), reverse=True)
+        return {
+            "external machines": f"of {len(self.units)} external machines",
+            "largest column norms": first_few(f"{unit} {norm:.3g}" for norm, unit in largest),
+        }
 
     def kept(self, threshold: float) -> tuple[UnitKey, ...]:
         """Machines whose norm is at least `threshold` (p.u.): their functions stay nonlinear."""

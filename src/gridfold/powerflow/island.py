@@ -1,8 +1,4 @@
-"""Newton's method on one island, through lightsim2grid's KLU solver.
-
-Several swing buses of an island all hold voltage and angle: they are one bus behind ideal transformers,
-whose ratios are the ratios of their voltages.
-"""
+"""Newton's method on one island, from several starts. All of its swing buses hold voltage and angle."""
 
 from __future__ import annotations
 
@@ -10,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from lightsim2grid.algorithm import NRSing_KLU
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csc_matrix
+from scipy.sparse import csc_array
 
 from gridfold.powerflow.angles import ShiftedBranches
+from gridfold.powerflow.newton_steps import newton_steps
 from gridfold.powerflow.rounding import rounding_power
 
 _MAX_ITERATIONS = 30
@@ -111,40 +107,9 @@ def _search(problem: Problem, start: NDArray[np.complex128], tolerance: float) -
 def _newton(
     problem: Problem, start: NDArray[np.complex128], allowed: int, tolerance: float
 ) -> Point:
-    solver = NRSing_KLU()
-    one, spread = _with_one_slack(problem, start)
-    kept = np.setdiff1d(np.arange(len(start)), problem.slack[1:])
-    weights = np.zeros(len(kept))
-    weights[one.slack] = 1.0
-    solver.compute_pf(
-        csc_matrix(one.admittance), start[kept], one.scheduled, one.slack,
-        weights, one.voltage_held, one.power_held, allowed, tolerance / 2,
+    voltage, iterations = newton_steps(
+        problem.admittance, start, problem.scheduled, problem.slack,
+        problem.voltage_held, problem.power_held, allowed, tolerance / 2,
     )  # fmt: skip
-    found = np.array(solver.get_V())
-    voltage = spread @ found if found.shape == kept.shape else found
     excess = problem.excess(voltage, tolerance)
-    return Point(voltage if np.isfinite(excess) else start, int(solver.get_nb_iter()), excess)
-
-
-def _with_one_slack(problem: Problem, start: NDArray[np.complex128]) -> tuple[Problem, csc_array]:
-    """The island with its first swing bus alone, and the matrix that gives all voltages from those."""
-    n, slack = len(start), problem.slack
-    kept = np.setdiff1d(np.arange(n), slack[1:])
-    place = np.zeros(n, dtype=np.int32)
-    place[kept] = np.arange(len(kept))
-    place[slack] = place[slack[0]]
-    ratio = np.ones(n, dtype=np.complex128)
-    ratio[slack] = start[slack] / start[slack[0]]
-    spread = csc_array((ratio, (np.arange(n), place)), shape=(n, len(kept)))
-    if len(slack) == 1:
-        return problem, spread
-    folded = csc_array(spread.conj().T @ problem.admittance @ spread)
-    alone = replace(
-        problem,
-        admittance=folded,
-        scheduled=problem.scheduled[kept],
-        slack=place[slack[:1]],
-        voltage_held=place[problem.voltage_held],
-        power_held=place[problem.power_held],
-    )
-    return alone, spread
+    return Point(voltage if np.isfinite(excess) else start, iterations, excess)

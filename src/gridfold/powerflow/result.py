@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card
 from gridfold.grid.case import Case, Control
 from gridfold.powerflow.dc_flow import DcFlow
 from gridfold.powerflow.injections import dc_power
@@ -14,8 +15,8 @@ from gridfold.powerflow.injections import dc_power
 _FAR_MW = 1000.0
 
 
-@dataclass(frozen=True)
-class PowerFlowResult:
+@dataclass(frozen=True, repr=False)
+class PowerFlowResult(Card):
     """Solution of the power flow.
 
     Parameters
@@ -48,6 +49,16 @@ class PowerFlowResult:
     def converter_power(self) -> NDArray[np.complex128]:
         """Power that dc lines draw at each bus in per unit on the system base, shape (n_buses,)."""
         return dc_power(self.case, self.dc_flows)
+
+    def _facts(self) -> dict[str, object]:
+        generation = float(self.unit_power.sum().real) * self.case.base_mva
+        return {
+            "case": self.case.name,
+            "generation": f"{generation:,.1f} MW",
+            "losses": f"{self.losses_mw:,.1f} MW",
+            "iterations": self.iterations,
+            "mismatch": f"{self.mismatch:.1e} p.u.",
+        }
 
     @property
     def losses_mw(self) -> float:

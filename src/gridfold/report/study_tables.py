@@ -7,11 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.box import SIMPLE_HEAD
-
 from gridfold.io.study_damage import Damage
 from gridfold.io.study_store import StudyStore
-from gridfold.report.plain import PlainTable, as_lines, visible
+from gridfold.report.plain import as_lines
 from gridfold.report.tables import shortened
 from gridfold.study.work import StudyRun
 
@@ -20,30 +18,10 @@ if TYPE_CHECKING:
 
 #: What is said of the largest error of figures in the runs that were checked.
 FURTHER_ERRORS = {
-    "error_damping_ratio": "damping ratios within {:.2g}",
+    "error_damping_ratio": "damping within {:.2%}",
     "error_nadir_hz": "lowest frequencies within {:.2g} Hz",
     "error_lowest_voltage": "lowest voltages within {:.2g} p.u.",
 }
-#: Columns that are shown if none are asked for: heading and digits by column.
-_SHOWN: dict[str, tuple[str, int]] = {
-    "number": ("no.", 0),
-    "name": ("contingency", 0),
-    "status": ("status", 0),
-    "critical_machine": ("machine", 0),
-    "largest_separation_deg": ("apart\n(deg)", 1),
-    "lowest_voltage": ("lowest\n(p.u.)", 3),
-    "lowest_voltage_bus": ("at\nbus", 0),
-    "damping_ratio": ("damp-\ning", 3),
-    "islanded_mw": ("cut off\n(MW)", 0),
-    "lost_load_mw": ("lost\n(MW)", 0),
-    "critical_clearing_time": ("CCT\n(s)", 2),
-    "error_rms_deg": ("error\n(deg)", 2),
-}
-#: Columns that are shown only if one of their values is not 0.
-_SELDOM = ("islanded_mw", "lost_load_mw")
-_FINE = 6
-#: Width to which texts may shrink.
-_NARROW = 10
 #: Reasons and damages that are told.
 _REASONS = 3
 
@@ -213,45 +191,6 @@ def count_line(rows: int, limit: int, counts: Counts) -> str:
     """How many rows are shown, chosen and there: no filter hides that others failed."""
     more = f" ({rows - limit} more rows)" if rows > limit else ""
     return f"{min(limit, rows)} shown of {rows} rows{more}; {counts}"
-
-
-def result_table(frame: pd.DataFrame, limit: int, columns: Sequence[str] = ()) -> PlainTable:
-    """The first `limit` rows; columns without any value are left out unless they are asked for."""
-    if columns:
-        shown = {name: (name, _SHOWN.get(name, ("", _FINE))[1]) for name in columns}
-    else:
-        shown = {name: what for name, what in _SHOWN.items() if _worth_showing(frame, name)}
-    table = PlainTable(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    rows = frame.head(limit).to_dict("records")
-    for name, (heading, digits) in shown.items():
-        number = frame[name].dtype.name in ("Float64", "Int64", "int64")
-        widest = max([len(_cell(row[name], digits)) for row in rows], default=0)
-        widest = max(widest, *map(len, heading.split("\n")))
-        # Texts give way where the terminal is narrow, figures do not.
-        table.add_column(
-            heading,
-            justify="right" if number else "left",
-            no_wrap=number,
-            min_width=widest if number else min(widest, _NARROW),
-        )
-    for row in rows:
-        table.add_row(*(_cell(row[name], digits) for name, (_, digits) in shown.items()))
-    return table
-
-
-def _worth_showing(frame: pd.DataFrame, name: str) -> bool:
-    if name not in frame:
-        return False
-    known = frame[name].dropna()
-    return bool((known != 0).any()) if name in _SELDOM else bool(len(known))
-
-
-def _cell(value: Any, digits: int) -> str:
-    import pandas as pd
-
-    if value is None or value is pd.NA:
-        return ""
-    return f"{value:.{digits}f}" if isinstance(value, float) else visible(str(value))
 
 
 def _model(settings: dict[str, Any]) -> str:

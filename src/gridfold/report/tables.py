@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import isnan
 
 from rich.text import Text
@@ -21,6 +22,7 @@ from gridfold.grid.doubts import Doubt
 from gridfold.grid.events import BusFault
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
+from gridfold.reduction import Reducer
 from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
@@ -377,12 +379,23 @@ def reduction_facts(
     return {
         "Study area": f"buses {buses}",
         "External area": f"{len(family.area.index)} states, reduced to {reduction.order}",
-        "Reducer": str(family.reducer),
+        "Reducer": _reducer_text(family.reducer),
         "Error bound": bound,
         "Hankel singular values": ", ".join(f"{value:.3g}" for value in values) or "none",
         "Kept nonlinear": f"{kept} (column norm from {threshold:g} p.u.)",
         "Time": f"{seconds:.2f} s",
     }
+
+
+def _reducer_text(reducer: Reducer) -> str:
+    """Name and options of a reducer, such as `balanced truncation, tolerance 1e-05`."""
+    name = re.sub("(?<=[a-z])(?=[A-Z])", " ", type(reducer).__name__).lower()
+    options = [
+        f"{item.name.replace('_', ' ')} {value:g}"
+        for item in fields(reducer)  # type: ignore[arg-type]
+        if isinstance(value := getattr(reducer, item.name), int | float)
+    ]
+    return ", ".join([name, *options])
 
 
 def ladder_table(family: Ladder) -> PlainTable:

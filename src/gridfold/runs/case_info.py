@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from gridfold.cards import Card
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
@@ -50,8 +51,8 @@ class AreaTie(NamedTuple):
     areas: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class CaseInfo:
+@dataclass(frozen=True, repr=False)
+class CaseInfo(Card):
     """A case and how far one gets with it.
 
     Parameters
@@ -82,6 +83,17 @@ class CaseInfo:
     power_flow: PowerFlowResult | None = None
     model: DetailedModel | None = None
     trouble: str = ""
+
+    def _facts(self) -> dict[str, object]:
+        known = sum(model.implemented for model in self.models)
+        return {
+            "case": self.case.name,
+            "buses": len(self.case.buses),
+            "models": f"{known} of {len(self.models)} kinds in gridfold",
+            "power flow": "none" if self.power_flow is None else "solved",
+            "dynamic model": "none" if self.model is None else f"{self.model.n_states} states",
+            "trouble": self.trouble or "none",
+        }
 
 
 def examine_files(

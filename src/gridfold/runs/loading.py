@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
+from gridfold.cards import Card
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
-from gridfold.errors import OptionError
+from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.dynamic_records import DynamicData
 from gridfold.grid.replacement import Replacement
@@ -38,8 +40,8 @@ class Solve(Enum):
     LIMITS = "limits"
 
 
-@dataclass(frozen=True)
-class LoadedCase:
+@dataclass(frozen=True, repr=False)
+class LoadedCase(Card):
     """A case from planners' files, and what was done to it, which the case tells too.
 
     Parameters
@@ -55,6 +57,15 @@ class LoadedCase:
     case: Case
     replacements: tuple[Replacement, ...] = ()
     notices: tuple[str, ...] = ()
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.case.name,
+            "buses": len(self.case.buses),
+            "devices": len(self.case.devices),
+            "replacements": len(self.replacements),
+            "notices": len(self.notices),
+        }
 
 
 def load_case(
@@ -191,14 +202,45 @@ def load_psse(
     """
     on_unsupported = _choice("unsupported", Unsupported, unsupported)
     on_lacking = _choice("without_data", WithoutData, without_data)
-    case = read_network(raw, allow_unsupported_network, raw_revision)
-    if unit_sources is not None:
-        case = with_sources(case, read_unit_sources(unit_sources, case))
-    case = solved_as(case, _choice("solve", Solve, solve))
-    if dyr is not None:
+    way = _choice("solve", Solve, solve)
+
+    def network(allowed: bool) -> Case:
+        case = read_network(raw, allowed, raw_revision)
+        if unit_sources is not None:
+            case = with_sources(case, read_unit_sources(unit_sources, case))
+        return solved_as(case, way)
+
+    if dyr is None:
+        case = network(allow_unsupported_network)
+    else:
         models = device_models(devices)
+
+        def go_on() -> None:
+            data = read_dyr(dyr)  # before the network: its own faults are told in any case
+            with_devices(network(True), data, on_unsupported, on_lacking, models)
+
+        with faults_later(go_on):
+            case = network(allow_unsupported_network)
         case = with_devices(case, read_dyr(dyr), on_unsupported, on_lacking, models)
     return LoadedCase(case, case.replacements, case.notices)
+
+
+@contextmanager
+def faults_later(go_on: Callable[[], object]) -> Iterator[None]:
+    """Where the block raises a CaseError, tell with it what is wrong later: what `go_on` raises.
+
+    `go_on` does what comes after the block with a case for which the options are chosen that an error
+    may name. What it raises that is known already is not told again.
+    """
+    try:
+        yield
+    except CaseError as error:
+        try:
+            go_on()
+        except GridfoldError as later:
+            if not set(getattr(later, "faults", [later.text])) <= set(error.faults):
+                raise error.joined(later) from None
+        raise
 
 
 def with_devices(

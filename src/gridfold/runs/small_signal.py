@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
+from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
 from gridfold.numerics.blas import one_blas_thread
 
 
-@dataclass(frozen=True)
-class SmallSignal:
+@dataclass(frozen=True, repr=False)
+class SmallSignal(Card):
     """Modes of the linearized model, the rightmost first.
 
     Parameters
@@ -44,6 +45,19 @@ class SmallSignal:
     def zero(self) -> NDArray[np.bool_]:
         """Which eigenvalues are zero by nature, and say nothing of stability, shape (n,)."""
         return np.asarray(self.common_angle | self.at_rest)
+
+    def _facts(self) -> dict[str, object]:
+        swings = [k for k, value in enumerate(self.eigenvalues) if value.imag > 0]
+        ratio, hertz = self.damping_ratio, self.frequency_hz
+        least = min(swings, key=lambda k: ratio[k], default=None)
+        rightmost = self.rightmost
+        return {
+            "modes": f"of {len(self.eigenvalues)} modes",
+            "rightmost": "none" if rightmost is None else f"{rightmost:.4f} 1/s",
+            "least damped": "none"
+            if least is None
+            else f"{100 * ratio[least]:.1f} % at {hertz[least]:.2f} Hz",
+        }
 
     @property
     def damping_ratio(self) -> NDArray[np.float64]:

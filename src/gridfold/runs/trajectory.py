@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.cards import Card, first_few
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -53,8 +54,8 @@ class UsedModel(NamedTuple):
     settings: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Card):
     """Times, states and outputs of a run.
 
     There is one row a time step. At the instant of an event the row holds the values just after it
@@ -94,6 +95,17 @@ class Trajectory:
     used_model: UsedModel | None = None
     method_reason: str | None = None
     study_buses: frozenset[int] | None = None
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "case": self.model.case.name,
+            "model": self.simulated.name,
+            "status": self.status.value,
+            "until": f"{self.times[-1]:g} s of {self.t_end:g} s",
+            "samples": len(self.times),
+            "method": f"{self.stepper.name} with {self.stepper.step:g} s",
+            "events": first_few(f"{notice.time:g} s {notice.text}" for notice in self.notices),
+        }
 
     @property
     def simulated(self) -> UsedModel:

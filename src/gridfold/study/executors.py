@@ -117,6 +117,6 @@ def _quick_turns() -> Iterator[None]:
 
 def _cores() -> int:
     try:
-        return len(os.sched_getaffinity(0))
+        return len(os.sched_getaffinity(0))  # noqa: TID251  guarded
     except AttributeError:
         return os.cpu_count() or 1

@@ -42,7 +42,7 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition, chosen_study_buses, partition, study_buses
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import basis_of
-from gridfold.runs.loading import load_case
+from gridfold.runs.loading import faults_later, load_case
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.method import Choice, choose_stepper
 from gridfold.runs.monitor import Columns, monitored
@@ -191,13 +191,26 @@ def _surveyed(
     study: Study, folder: Path, devices: Mapping[str, Device]
 ) -> tuple[Case, frozenset[int], tuple[Contingency, ...], PowerFlowResult]:
     """Case, study area, contingencies and operating point."""
-    case = load_grid(study, folder, devices)
+    with faults_later(lambda: _start(study, folder, devices)):
+        case = load_grid(study, folder, devices)
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, folder)
     for relay in relays_of(study.relays):
         relay.changes(case)
     with naming_doubts(case, devices):
         return case, buses, contingencies, solve_power_flow(case)
+
+
+def _start(study: Study, folder: Path, devices: Mapping[str, Device]) -> None:
+    """Start the case with all options by which a file with faults may be loaded."""
+    answered: dict[str, object] = {"allow_unsupported_network": True}
+    if study.case.unsupported is Unsupported.ERROR:
+        answered["unsupported"] = Unsupported.CLASSICAL
+    if study.case.without_data is WithoutData.ERROR:
+        answered["without_data"] = WithoutData.NEGATIVE_LOAD
+    grid = study.model_copy(update={"case": study.case.model_copy(update=answered)})
+    case = load_grid(grid, folder, devices)
+    _build(grid, case, solve_power_flow(case), devices)
 
 
 def _without_records(study: Study) -> Study:

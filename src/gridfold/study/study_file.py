@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from gridfold.cards import Card
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
@@ -323,7 +324,7 @@ class OutputsWanted(_Section):
         return self.monitor if isinstance(self.monitor, str) else ", ".join(self.monitor)
 
 
-class Study(_Section):
+class Study(Card, _Section):
     """A study: the whole file."""
 
     model_config = ConfigDict(title="gridfold study", extra="forbid", frozen=True)
@@ -344,6 +345,18 @@ class Study(_Section):
     check: Check = Check()
     clearing_times: ClearingTimes = ClearingTimes()
     outputs: OutputsWanted = OutputsWanted()
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "case": self.case.source,
+            "model": self.model.kind.value,
+            "bus faults": self.contingencies.bus_faults,
+            "line faults": self.contingencies.line_faults,
+            "machine trips": self.contingencies.machine_trips,
+            "listed": len(self.contingency),
+            "until": f"{self.run.t_end:g} s",
+        }
 
     @model_validator(mode="after")
     def _fits(self) -> Study:

@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from gridfold.cards import Card
 from gridfold.errors import OptionError
 from gridfold.io.results import replacing
 from gridfold.io.study_store import StudyStore
@@ -72,8 +73,8 @@ class Progress:
     warnings: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class StudyRun:
+@dataclass(frozen=True, repr=False)
+class StudyRun(Card):
     """What a run of a study came to; the results are in `folder`."""
 
     folder: Path
@@ -85,6 +86,17 @@ class StudyRun:
     failed: int
     seconds: float
     workers: str
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "folder": self.folder,
+            "stage": self.stage.value,
+            "done": f"{self.done} of {self.total}",
+            "stable": self.stable,
+            "unstable": self.unstable,
+            "failed": self.failed,
+            "time": f"{self.seconds:.1f} s with {self.workers}",
+        }
 
     @property
     def complete(self) -> bool:

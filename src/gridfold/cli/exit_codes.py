@@ -1,0 +1,21 @@
+"""How the command ends."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+EXIT_CODES = (
+    "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
+    "speed; 4 contingencies of a study failed; 130 a study was interrupted; 1 anything else, such as "
+    "non-finite states."
+)
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command."""
+
+    COMPLETED = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    LOST_SYNCHRONISM = 3
+    ROWS_FAILED = 4
