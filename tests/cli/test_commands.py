@@ -280,6 +280,19 @@ def test_a_step_that_is_coarse_or_longer_than_the_fault_is_told_among_the_events
     assert "coarse" in out
 
 
+def test_the_step_of_a_run_may_follow_from_its_error(command):
+    code, out, _ = command("simulate", "npcc", "--fault-bus", 3, "--t-end", 2, "--step", "auto")
+    assert code == 0
+    assert "degree from half the step" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("step", ["auto", "short"])
+def test_a_step_that_is_no_number_is_bad_input(command, step):
+    code, _, err = command("cct", "npcc", "--buses", 3, "--step", step)
+    assert code == 2
+    assert f"not '{step}'" in " ".join(err.split())
+
+
 @pytest.mark.parametrize("step", ["1e300", "1e-9", "2"])
 def test_a_step_that_makes_no_sense_is_bad_input(command, step):
     code, _, err = command("simulate", "npcc", "--fault-bus", 3, "--step", step)

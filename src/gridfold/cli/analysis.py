@@ -220,7 +220,7 @@ def cct(
         grid,
         [(fault,) for fault in faults],
         runs.method,
-        runs.step,
+        runs.seconds,
         runs=count,
         t_end=runs.t_end,
         criterion=criterion,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, partial
@@ -32,6 +32,7 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.errors import OptionError
 from gridfold.grid.case import Case
+from gridfold.grid.events import Event
 from gridfold.partition import Coupling, Partition, chosen_study_buses, couple, study_buses
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, examine_case, examine_files
@@ -39,6 +40,7 @@ from gridfold.runs.loading import Solve, faults_later, is_network_file, load_cas
 from gridfold.runs.method import Choice, Method, choose_stepper
 from gridfold.runs.own_devices import load_devices
 from gridfold.runs.size import check_times
+from gridfold.runs.step_error import choose_step
 from gridfold.runs.strict import refuse_doubtful_start
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.unstable_start import with_start_checked
@@ -264,7 +266,11 @@ class RunOptions:
 
     t_end: Annotated[float, run_option(help="End of each run (s).")] = 16.0
     step: Annotated[
-        float | None, run_option(help="Time step (s).", show_default="0.01; abm4 0.02")
+        str | None,
+        run_option(
+            help="Time step (s); auto (simulate): the longest that is right within 0.05 degrees.",
+            show_default="0.01; abm4 0.02",
+        ),
     ] = None
     method: Annotated[
         Method,
@@ -283,9 +289,31 @@ class RunOptions:
         run_option(help="Distance from synchronous speed at which a machine is off speed (p.u.)."),
     ] = 0.12
 
-    def choose(self, model: DetailedModel) -> Choice:
-        """The stepper for `model`, with its own default step if none is given, and why."""
-        chosen = choose_stepper(model, self.method, self.step)
+    @property
+    def seconds(self) -> float | None:
+        """The time step that was given.
+
+        Raises
+        ------
+        OptionError
+            It is no number.
+        """
+        try:
+            return None if self.step is None else float(self.step)
+        except ValueError:
+            known = "a number of seconds, or auto for one run of simulate"
+            raise OptionError(f"--step must be {known}, not {self.step!r}") from None
+
+    def choose(self, model: DetailedModel, events: Sequence[Event] | None = None) -> Choice:
+        """The stepper for `model`, with its own default step if none is given, and why.
+
+        For one run with `events` the step may follow from its error.
+        """
+        if self.step == "auto" and events is not None:
+            return choose_step(
+                model, events, self.method, t_end=self.t_end, criterion=self.criterion
+            )
+        chosen = choose_stepper(model, self.method, self.seconds)
         check_times(self.t_end, chosen.stepper.step)
         return chosen
 

@@ -289,7 +289,7 @@ def simulate(
     if budget and choice.model in (ModelKind.AUTO, *without):
         raise OptionError("--budget needs a model with a reduced external area, see --model")
     grid = source.build(network)
-    method = runs.choose(grid)
+    method = runs.choose(grid, happenings)
     ready = time.perf_counter()
     study = choice.external.area.known(grid.case, source.case)
     task = Disturbance(grid, happenings, runs.t_end, method, criterion, study)
