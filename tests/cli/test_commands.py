@@ -154,7 +154,7 @@ def test_cct_of_lines_has_a_row_for_each_end(command):
     )
     code, out, _ = command("cct", "npcc", *options, "--json", "-")
     assert code == 0
-    rows = json.loads(out)
+    rows = json.loads(out)["clearing_times"]
     assert [(row["bus"], row["branch"], row["fraction"]) for row in rows] == [
         (None, "3-2", 0.0),
         (None, "3-2", 1.0),

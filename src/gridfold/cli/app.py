@@ -33,7 +33,7 @@ COMMANDS = {
     ),
     "cct": Late(
         "analysis",
-        "Critical clearing times of three-phase faults at buses, on all cores.",
+        "Critical clearing times of three-phase faults at buses and lines, on all cores.",
         _JOBS,
     ),
     "partition": Late(
