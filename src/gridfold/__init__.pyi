@@ -88,6 +88,7 @@ from gridfold.reduction import (
     Unreduced,
 )
 from gridfold.reduction.interop import to_control, to_pymor
+from gridfold.runs.batch import simulate_batch
 from gridfold.runs.clearing_time import (
     ClearingTime,
     critical_clearing_time,

@@ -55,14 +55,19 @@ class Part:
         """Voltage phasors of all buses in per unit, shape (n, n_buses)."""
         return self.model.bus_voltages(self.states)
 
-    def centres_of_inertia(self) -> NDArray[np.float64]:
-        """Reference angle of each machine in rad, shape (n, n_machines); NaN for those out."""
-        frame = angle_frame(self.model)
-        machines = {unit: k for k, unit in enumerate(self.model.machines)}
-        among = replace(frame, slots=np.arange(len(frame.slots)))
+    def relative_angles(self) -> NDArray[np.float64]:
+        """Rotor angles in rad against the reference of each machine's island, (n, n_machines).
+
+        NaN for machines that are out.
+        """
+        frame, machines = angle_frame(self.model), self.model.machines
+        angles = self.states_at(frame.slots)
+        relative = angles - frame.references_of(angles)
+        if frame.units == machines:
+            return relative
+        column = {unit: k for k, unit in enumerate(machines)}
         result = np.full((len(self), len(machines)), np.nan)
-        columns = [machines[unit] for unit in frame.units]
-        result[:, columns] = among.references(self.states_at(frame.slots))
+        result[:, [column[unit] for unit in frame.units]] = relative
         return result
 
     @property
