@@ -205,6 +205,7 @@ __all__ = [
     "save_reduced",
     "simulate",
     "simulate_adaptive",
+    "simulate_batch",
     "small_signal",
     "solve_power_flow",
     "to_control",

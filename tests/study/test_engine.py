@@ -105,14 +105,14 @@ def test_a_row_says_what_a_run_of_its_own_says(reference):
     row = rows(folder).set_index("name").loc["bus 3"]
     angles = run.rotor_angle_deg()
     spread = np.ptp(angles, axis=1)
-    assert row["largest_separation_deg"] == spread.max()
+    assert row["largest_separation_deg"] == pytest.approx(spread.max(), abs=1e-9)
     assert row["separation_at"] == run.times[spread.argmax()]
     speed = run.signal("speed") @ model.inertia(model.machines)
     hertz = 60 * speed / model.inertia(model.machines).sum()
     assert row["nadir_hz"] == pytest.approx(hertz.min(), abs=1e-9)
     late = run.times >= 0.05
     lowest = np.abs(run.bus_voltage()[late]).min()
-    assert row["lowest_voltage"] == pytest.approx(lowest, rel=1e-14)
+    assert row["lowest_voltage"] == pytest.approx(lowest, rel=1e-11)
     found = curves(folder, 3)
     np.testing.assert_allclose(found["run_times"][[0, -1]], [0.0, 1.0])
     coi = run.rotor_angle_deg(["21:1"], gf.AngleReference.CENTRE_OF_INERTIA)[-1, 0]

@@ -55,19 +55,25 @@ class Part:
         """Voltage phasors of all buses in per unit, shape (n, n_buses)."""
         return self.model.bus_voltages(self.states)
 
-    def relative_angles(self) -> NDArray[np.float64]:
-        """Rotor angles in rad against the reference of each machine's island, (n, n_machines).
+    def centres_of_inertia(self) -> NDArray[np.float64]:
+        """Reference angle of each machine in rad, shape (n, n_machines); NaN for those out."""
+        frame = angle_frame(self.model)
+        return self._of_machines(frame.references_of(self.states_at(frame.slots)))
 
-        NaN for machines that are out.
-        """
-        frame, machines = angle_frame(self.model), self.model.machines
+    def relative_angles(self) -> NDArray[np.float64]:
+        """Rotor angles in rad against these references, shape (n, n_machines)."""
+        frame = angle_frame(self.model)
         angles = self.states_at(frame.slots)
-        relative = angles - frame.references_of(angles)
-        if frame.units == machines:
-            return relative
+        return self._of_machines(angles - frame.references_of(angles))
+
+    def _of_machines(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Columns of the machines in service as columns of all machines."""
+        units, machines = angle_frame(self.model).units, self.model.machines
+        if units == machines:
+            return values
         column = {unit: k for k, unit in enumerate(machines)}
         result = np.full((len(self), len(machines)), np.nan)
-        result[:, [column[unit] for unit in frame.units]] = relative
+        result[:, [column[unit] for unit in units]] = values
         return result
 
     @property

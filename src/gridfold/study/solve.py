@@ -106,7 +106,9 @@ def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solve
     )
     for number, run in runs:
         if isinstance(run, Trajectory):
-            yield number, _Solver(prepared, batch[number]).detailed(run)
+            area = None if prepared.parts is None else prepared.parts.study_buses
+            within = replace(run, study_buses=area)
+            yield number, _Solver(prepared, batch[number]).detailed(within)
 
 
 @one_blas_thread
