@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml setup.py $(shell find src -name '*.py*' -not -name '*.pyc' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto clean
+.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto bench-batch clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -50,6 +50,10 @@ bench-peers: $(VENV)/.dev $(PEERS)/.ready
 # Reduced models of a grid of 327 machines, from the cases that GRIDFOLD_CASES names.
 bench-polish: $(VENV)/.dev
 	$(BIN)/python benchmarks/polish.py
+
+# Contingencies side by side against one by one; the Polish grid as above.
+bench-batch: $(VENV)/.dev
+	$(BIN)/python benchmarks/batch.py
 
 # External areas of up to 27,000 states reduced by sparse factors; the Polish grid as above.
 bench-low-rank: $(VENV)/.dev

@@ -88,6 +88,7 @@ from gridfold.reduction import (
     Unreduced,
 )
 from gridfold.reduction.interop import to_control, to_pymor
+from gridfold.runs.batch import simulate_batch
 from gridfold.runs.clearing_time import (
     ClearingTime,
     critical_clearing_time,
@@ -204,6 +205,7 @@ __all__ = [
     "save_reduced",
     "simulate",
     "simulate_adaptive",
+    "simulate_batch",
     "small_signal",
     "solve_power_flow",
     "to_control",

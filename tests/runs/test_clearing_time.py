@@ -55,3 +55,18 @@ def test_a_bus_that_is_not_there_is_an_error_before_anything_runs(npcc):
 def test_ranges_that_make_no_sense_are_refused(npcc, options):
     with pytest.raises(gf.OptionError):
         gf.critical_clearing_time(npcc, gf.BusFault(3), **options)
+
+
+def test_many_are_found_side_by_side_as_they_are_alone(npcc, monkeypatch):
+    faults = [gf.BusFault(bus) for bus in (22, 3, 7, 25)]
+    faults += [gf.BranchFault("3-4", fraction=0.3), gf.BusFault(3, reactance=5.0)]
+    options = {"resolution": 0.02, "longest": 0.6, "t_end": 3.0}
+    alone = [gf.critical_clearing_time(npcc, fault, **options) for fault in faults]
+    monkeypatch.delattr("gridfold.runs.clearing_time.simulate")
+    assert gf.critical_clearing_times(npcc, faults, workers=1, **options) == alone
+
+
+def test_what_is_wrong_with_one_of_many_is_told(npcc):
+    faults = [gf.BusFault(bus) for bus in (22, 3, 7)] + [gf.BusFault(8, resistance=-1.0)]
+    with pytest.raises(gf.GridfoldError, match="bus 8"):
+        gf.critical_clearing_times(npcc, faults, workers=1)

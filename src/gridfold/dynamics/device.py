@@ -44,6 +44,7 @@ from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import package_name
 from gridfold.numerics.compiled import compile_callback, invoke, jit
 from gridfold.numerics.unit_matrix import ROLES, UnitMatrix, unit_matrix
+from gridfold.numerics.vector_code import vector_code
 
 Matrix = NDArray[np.float64] | NDArray[np.complex128]
 Kernel = Callable[[Any, Any, Any, Any, Any], None]
@@ -335,9 +336,19 @@ def compiled_kernel(kernel: Kernel, complex_numbers: bool = False) -> Any:
     A kernel from outside of the package reaches nothing beyond its matrices, whatever it asks for.
     """
     number = types.complex128 if complex_numbers else types.float64
+    return compile_callback(kernel, _signature(kernel, number))
+
+
+@cache
+def batch_kernel(kernel: Kernel) -> Any:
+    """The same for units of many runs at once: its elementary functions are vector instructions."""
+    signature = _signature(kernel, types.float64)
+    return compile_callback(vector_code(kernel), signature, kind="vector code")
+
+
+def _signature(kernel: Kernel, number: Any) -> Any:
     guarded = not package_name(kernel.__module__)
-    matrices = (UnitMatrix(number, role, guarded) for role in ROLES)
-    return compile_callback(kernel, types.void(*matrices))
+    return types.void(*(UnitMatrix(number, role, guarded) for role in ROLES))
 
 
 def run_kernel(

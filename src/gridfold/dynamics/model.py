@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -93,8 +93,6 @@ class DetailedModel(Card):
         The network state.
     equations : NetworkEquations
         The network equations in that state.
-    compiled : CompiledRhs
-        The right-hand side.
     warnings : tuple of str
         What was noticed while building.
     doubts : tuple of Doubt
@@ -115,12 +113,22 @@ class DetailedModel(Card):
     backend: NetworkBackend
     state: NetworkState
     equations: NetworkEquations
-    compiled: CompiledRhs = field(repr=False)
     warnings: tuple[str, ...] = ()
     loads: LoadModel = field(default_factory=LoadModel)
     doubts: tuple[Doubt, ...] = ()
     on_limit: OnLimit = OnLimit.ERROR
     start: StartData | None = field(default=None, repr=False)
+
+    @cached_property
+    def compiled(self) -> CompiledRhs:
+        """The right-hand side, with its own solver for implicit steppers; made once it is asked for."""
+        network = compile_with_loads(
+            self.equations, self.backend, self.layout.terminals, self.injections, self.power_flow
+        )
+        out = self.state.units_out
+        rhs = pack_rhs(self.layout, self.constants, network, out)
+        solver = UnitSolvers(self.layout, self.equations, self.injections.nonlinear, out, rhs)
+        return replace(rhs, solver=solver)
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -213,7 +221,7 @@ class DetailedModel(Card):
             injections = replace(injections, machine=_machine_admittances(layout))
         injections = _in_state(self.power_flow, injections, state)
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
-        changed = replace(
+        return replace(
             self,
             state=state,
             equations=equations,
@@ -221,7 +229,6 @@ class DetailedModel(Card):
             injections=injections,
             start=start,
         )
-        return changed._recompiled()
 
     def _redispatched(self, dispatch: Sequence[tuple[UnitKey, float]]) -> DetailedModel:
         """The model at the equilibrium of another dispatch, in the state of the case."""
@@ -239,14 +246,7 @@ class DetailedModel(Card):
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
         """The same devices with other parameters, in this network state."""
-        return replace(self, layout=replace(self.layout, blocks=tuple(blocks)))._recompiled()
-
-    def _recompiled(self) -> DetailedModel:
-        compiled = _compile(
-            self.layout, self.constants, self.equations, self.backend, self.injections,
-            self.power_flow, self.state.units_out,
-        )  # fmt: skip
-        return replace(self, compiled=compiled)
+        return replace(self, layout=replace(self.layout, blocks=tuple(blocks)))
 
     def signals(
         self, states: NDArray[np.float64], slots: NDArray[np.int64] | None = None
@@ -383,10 +383,7 @@ def _built(
     injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
     equations = build_equations(solved, injections, layout.terminals, state)
     _require_voltage(layout, equations, case)
-    compiled = _compile(start.layout, start.constants, equations, backend, injections, solved)
-    moved = (_LIMIT_MOVED + line for line in start.adjusted)
-    warnings = (*moved, *_check_equilibrium(start, compiled, solved))
-    return DetailedModel(
+    model = DetailedModel(
         solved,
         start.layout,
         start.x0,
@@ -395,12 +392,15 @@ def _built(
         backend,
         state,
         equations,
-        compiled,
-        warnings,
-        loads,
-        model_doubts(solved, devices),
-        on_limit,
+        loads=loads,
+        doubts=model_doubts(solved, devices),
+        on_limit=on_limit,
     )
+    moved = (_LIMIT_MOVED + line for line in start.adjusted)
+    warnings = (*moved, *_check_equilibrium(start, model.compiled, solved))
+    built = replace(model, warnings=warnings)
+    vars(built)["compiled"] = model.compiled
+    return built
 
 
 def _require_voltage(layout: Layout, equations: NetworkEquations, case: Case) -> None:
@@ -411,22 +411,6 @@ def _require_voltage(layout: Layout, equations: NetworkEquations, case: Case) ->
         raise InitializationError(
             f"converters that no machine in their island gives a voltage to follow: {', '.join(dead)}"
         )
-
-
-def _compile(
-    layout: Layout,
-    constants: NDArray[np.float64],
-    equations: NetworkEquations,
-    backend: NetworkBackend,
-    injections: Injections,
-    power_flow: PowerFlowResult,
-    units_out: Collection[UnitKey] = (),
-) -> CompiledRhs:
-    """The right-hand side, with its own solver for implicit steppers."""
-    network = compile_with_loads(equations, backend, layout.terminals, injections, power_flow)
-    rhs = pack_rhs(layout, constants, network, units_out)
-    solver = UnitSolvers(layout, equations, injections.nonlinear, units_out, rhs)
-    return replace(rhs, solver=solver)
 
 
 def _phasors(parts: NDArray[np.float64]) -> NDArray[np.complex128]:

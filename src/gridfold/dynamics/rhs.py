@@ -6,7 +6,7 @@ by :func:`pack_rhs` and read by :func:`_detailed_rhs`, both here, and nowhere el
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -124,8 +124,12 @@ def pack_model(
     active: Sequence[Block],
     units_out: Collection[UnitKey] = (),
     header_size: int = HEADER_SIZE,
+    compiled: Callable[[Kernel], Any] = compiled_kernel,
 ) -> PackedModel:
-    """Pack a model of which only the `active` blocks have outputs and derivatives."""
+    """Pack a model of which only the `active` blocks have outputs and derivatives.
+
+    `compiled` gives the compiled form of a kernel.
+    """
     live_blocks = set(map(id, active))
     stages = [
         [
@@ -146,10 +150,14 @@ def pack_model(
         )
         for block in layout.blocks
     }
-    calls = [_call_row(b, kernel, *data_at[id(b)]) for stage in stages for b, kernel in stage]
+    calls = [
+        _call_row(b, kernel, compiled(kernel).address, *data_at[id(b)])
+        for stage in stages
+        for b, kernel in stage
+    ]
     live = [unit not in units_out for unit in layout.source_units]
     sources = layout.sources[live]
-    frozen = _frozen_states(layout, units_out)
+    frozen = frozen_states(layout, units_out)
     header = np.zeros(header_size, dtype=np.int64)
     header[N_STATES] = layout.n_states
     header[N_CONSTANTS] = len(constants)
@@ -187,10 +195,10 @@ def _derivative(block: Block) -> Kernel | None:
 
 
 def _call_row(
-    block: Block, kernel: Kernel, inputs_at: int, runs_at: int, parameters_at: int
+    block: Block, kernel: Kernel, address: int, inputs_at: int, runs_at: int, parameters_at: int
 ) -> list[int]:
     row = [0] * CALL_COLUMNS
-    row[ADDRESS] = compiled_kernel(kernel).address
+    row[ADDRESS] = address
     row[UNITS] = len(block.units)
     row[STATE_ROWS] = len(block.device.states)
     row[STATES_AT] = block.state_start
@@ -209,7 +217,10 @@ def _is_run(inputs: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray((np.diff(inputs, axis=1) == 1).all(axis=1))
 
 
-def _frozen_states(layout: Layout, units_out: Collection[UnitKey]) -> list[int]:
+def frozen_states(layout: Layout, units_out: Collection[UnitKey]) -> list[int]:
+    """Positions of the states of units that are out."""
+    if not units_out:
+        return []
     return [
         int(index)
         for block in layout.blocks

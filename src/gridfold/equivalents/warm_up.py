@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gridfold.dynamics.area_model import BoundaryCoupling
-from gridfold.dynamics.device import compiled_kernel
+from gridfold.dynamics.device import batch_kernel, compiled_kernel
 from gridfold.dynamics.model import build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.registry import DEVICES
@@ -22,6 +22,7 @@ from gridfold.io.case_folder import read_case
 from gridfold.numerics.kernel_cache import kept_code
 from gridfold.numerics.steppers import AdamsBashforthMoulton4, ImplicitTrapezoidal, RungeKutta4
 from gridfold.partition import partition, study_buses
+from gridfold.runs.batch import simulate_batch
 from gridfold.runs.simulate import simulate
 from gridfold.runs.small_signal import small_signal
 
@@ -88,6 +89,7 @@ def _steps() -> Iterator[Callable[[], object]]:
         for kernel in (device.source, device.output, device.derivative):
             if kernel is not None:
                 yield lambda kernel=kernel: compiled_kernel(kernel)  # type: ignore[misc]
+                yield lambda kernel=kernel: batch_kernel(kernel)  # type: ignore[misc]
                 yield lambda kernel=kernel: compiled_kernel(kernel, True)  # type: ignore[misc]
     yield _run_detailed
     for settings in _REDUCED:
@@ -102,6 +104,7 @@ def _run_detailed() -> None:
             for stepper in (RungeKutta4(), AdamsBashforthMoulton4(), ImplicitTrapezoidal()):
                 simulate(model, [_FAULT], _T_END, stepper)
     small_signal(build_model(case))
+    list(simulate_batch(build_model(case), [[_FAULT]], _T_END, RungeKutta4()))
 
 
 def _run_reduced(settings: ModelSettings) -> None:

@@ -16,6 +16,9 @@ from scipy.sparse import coo_array, csc_array
 
 from gridfold.grid.case import Branch, Case
 
+#: Where a case keeps the admittances of its branches.
+_KNOWN = "branch_admittances"
+
 
 @dataclass(frozen=True)
 class BranchAdmittances:
@@ -56,20 +59,28 @@ def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> c
     Joined buses have rows of their own: :func:`gridfold.grid.nodes.joined` adds them up.
     """
     is_out = case.branches_out if branches_out is None else branches_out
-    kept = [branch for position, branch in enumerate(case.branches) if position not in is_out]
-    y = branch_admittances(kept)
+    kept = np.ones(len(case.branches), dtype=bool)
+    kept[sorted(is_out)] = False
+    y, (first, second) = _all_branches(case), case.branch_ends[kept].T
     index = case.bus_index
-    first = np.array([index[branch.from_bus] for branch in kept], dtype=np.int64)
-    second = np.array([index[branch.to_bus] for branch in kept], dtype=np.int64)
     shunts = [shunt for shunt in case.shunts if shunt.in_service]
     at = np.array([index[shunt.bus] for shunt in shunts], dtype=np.int64)
     power = np.array([complex(s.conductance_mw, s.susceptance_mvar) for s in shunts], dtype=complex)
-    values = (y.from_from, y.from_to, y.to_from, y.to_to, power / case.base_mva)
+    of_branches = (y.from_from, y.from_to, y.to_from, y.to_to)
+    values = (*(part[kept] for part in of_branches), power / case.base_mva)
     rows = (first, first, second, second, at)
     columns = (first, second, first, second, at)
     n = len(case.buses)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     return coo_array(entries, shape=(n, n)).tocsc()
+
+
+def _all_branches(case: Case) -> BranchAdmittances:
+    """Two-port admittances of all branches of a case, found once."""
+    known: BranchAdmittances | None = vars(case).get(_KNOWN)
+    if known is None:
+        known = vars(case)[_KNOWN] = branch_admittances(case.branches)
+    return known
 
 
 def split_branch(branch: Branch, fraction: float) -> tuple[Branch, Branch]:

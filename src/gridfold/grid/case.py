@@ -14,6 +14,9 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gridfold.cards import Card
 from gridfold.grid.dc_lines import DcLine
 from gridfold.grid.doubts import Doubt
@@ -263,6 +266,13 @@ class Case(Card):
             + (f":{item.circuit}" if parallel[frozenset((item.from_bus, item.to_bus))] > 1 else "")
             for item in self.branches
         )
+
+    @cached_property
+    def branch_ends(self) -> NDArray[np.int64]:
+        """Positions of the buses at both ends of each branch, shape (n_branches, 2)."""
+        index = self.bus_index
+        ends = [(index[branch.from_bus], index[branch.to_bus]) for branch in self.branches]
+        return np.array(ends, dtype=np.int64).reshape(-1, 2)
 
     @cached_property
     def branches_out(self) -> frozenset[int]:

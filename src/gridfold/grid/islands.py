@@ -19,14 +19,7 @@ def island_labels(case: Case, branches_out: Collection[int] | None = None) -> ND
     `branches_out` are the positions of open branches; by default those out of service in the case.
     """
     is_out = case.branches_out if branches_out is None else branches_out
-    ends = np.array(
-        [
-            (case.bus_index[branch.from_bus], case.bus_index[branch.to_bus])
-            for position, branch in enumerate(case.branches)
-            if position not in is_out
-        ],
-        dtype=np.int64,
-    ).reshape(-1, 2)
+    ends = np.delete(case.branch_ends, sorted(is_out), axis=0)
     n = len(case.buses)
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n))
     _, labels = connected_components(graph.tocsr(), directed=False)

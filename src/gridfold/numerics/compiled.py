@@ -21,18 +21,21 @@ from gridfold.numerics.kernel_cache import kernel_cache
 #: Relaxed floating-point rules that still honour infinities and NaN.
 FAST = {"contract", "reassoc", "nsz"}
 
-# Without reference counting, views of arrays cost nothing.
-_OPTIONS: dict[str, Any] = {
+#: How callbacks are compiled: without reference counting, views of arrays cost nothing.
+CALLBACK_OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": FAST,
     "_nrt": False,
 }
 
 
-def compile_callback(function: Callable[..., Any], signature: Any) -> Any:
-    """Compile `function` for `signature` into a C callback with an ``address``, kept on disk."""
-    callback: Any = CFunc(function, sigutils.normalize_signature(signature), {}, _OPTIONS)
-    callback._cache = kernel_cache(function, _OPTIONS)
+def compile_callback(function: Callable[..., Any], signature: Any, kind: str = "") -> Any:
+    """Compile `function` for `signature` into a C callback with an ``address``, kept on disk.
+
+    `kind` tells copies of one function from each other there.
+    """
+    callback: Any = CFunc(function, sigutils.normalize_signature(signature), {}, CALLBACK_OPTIONS)
+    callback._cache = kernel_cache(function, CALLBACK_OPTIONS | {"kind": kind})
     callback.compile()
     return callback
 
@@ -50,7 +53,7 @@ def jit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 def compiled_part(function: Callable[..., Any]) -> Any:
     """Compile a function that callbacks call; like them it may view arrays but not create any."""
-    return jit(**_OPTIONS)(function)
+    return jit(**CALLBACK_OPTIONS)(function)
 
 
 def _invoke(typing_context, address, arguments):

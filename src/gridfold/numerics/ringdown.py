@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lstsq
 
 #: Singular values below this part of the first are put down to noise, and most modes looked for.
 _NOISE, _MOST = 1e-4, 30
@@ -62,11 +63,12 @@ def ringdown(
     _, values, right = np.linalg.svd(hankel, full_matrices=False)
     order = min(int(np.count_nonzero(values > _NOISE * values[0])), _MOST, pencil - 1)
     basis = right[:order].T
-    z = np.linalg.eigvals(np.linalg.lstsq(basis[:-1], basis[1:], rcond=None)[0])
+    z = np.linalg.eigvals(_shift(basis))
     z = z[np.abs(z) > 1e-6]
-    powers = z[None, :] ** np.arange(n)[:, None]
-    amplitudes = np.linalg.lstsq(powers, y.astype(complex), rcond=None)[0]
-    energies = np.sum(np.abs(powers * amplitudes) ** 2, axis=0)
+    powers = np.cumprod(np.vstack([np.ones_like(z), np.broadcast_to(z, (n - 1, len(z)))]), axis=0)
+    amplitudes = lstsq(powers, y.astype(complex), lapack_driver="gelsy", check_finite=False)[0]
+    sizes = np.sum(powers.real**2 + powers.imag**2, axis=0)
+    energies = (amplitudes.real**2 + amplitudes.imag**2) * sizes
     roots = np.log(z) / spacing
     frequency = np.abs(roots.imag) / (2 * np.pi)
     damping = -roots.real / np.maximum(np.abs(roots), 1e-12)
@@ -79,3 +81,13 @@ def ringdown(
         float(damping[best]),
         float(min(1.0, 2 * energies[best] / energies.sum())),
     )
+
+
+def _shift(basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """M such that ``basis[:-1] @ M`` is nearest to ``basis[1:]``, for a basis with orthonormal columns.
+
+    Without its last row b the basis has the Gram matrix I - b b', whose inverse is known.
+    """
+    last = basis[-1]
+    right = basis[:-1].T @ basis[1:]
+    return np.asarray(right + np.outer(last, last @ right) / (1.0 - last @ last))

@@ -103,6 +103,8 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
             facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 1))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"
+        if outcome.here:
+            facts["Rate"] = f"{outcome.per_second:.3g} contingencies a second, all included"
         facts["Results"] = str(outcome.folder)
     return facts
 

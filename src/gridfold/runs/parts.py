@@ -58,11 +58,22 @@ class Part:
     def centres_of_inertia(self) -> NDArray[np.float64]:
         """Reference angle of each machine in rad, shape (n, n_machines); NaN for those out."""
         frame = angle_frame(self.model)
-        machines = {unit: k for k, unit in enumerate(self.model.machines)}
-        among = replace(frame, slots=np.arange(len(frame.slots)))
+        return self._of_machines(frame.references_of(self.states_at(frame.slots)))
+
+    def relative_angles(self) -> NDArray[np.float64]:
+        """Rotor angles in rad against these references, shape (n, n_machines)."""
+        frame = angle_frame(self.model)
+        angles = self.states_at(frame.slots)
+        return self._of_machines(angles - frame.references_of(angles))
+
+    def _of_machines(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Columns of the machines in service as columns of all machines."""
+        units, machines = angle_frame(self.model).units, self.model.machines
+        if units == machines:
+            return values
+        column = {unit: k for k, unit in enumerate(machines)}
         result = np.full((len(self), len(machines)), np.nan)
-        columns = [machines[unit] for unit in frame.units]
-        result[:, columns] = among.references(self.states_at(frame.slots))
+        result[:, [column[unit] for unit in units]] = values
         return result
 
     @property

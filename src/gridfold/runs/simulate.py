@@ -106,6 +106,7 @@ def plan_simulation(
     """Check all events and build the model of every network state that they lead through.
 
     `store` keeps models by network state; hand in the same one to share them between runs.
+    Their right-hand sides are made once they are stepped.
     """
     if not (0 < t_end < float("inf")):
         raise OptionError(f"the end time must be a positive number of seconds, not {t_end!r}")
@@ -197,6 +198,8 @@ def simulate(
         check_states(model, t_end, method.stepper.step)
     plan = plan_simulation(model, events, t_end, store)
     steps = _DetailedPlan(plan, criterion, protection_among(events, model))
+    for system in plan.models:
+        _ = system.compiled
     ready = time.perf_counter()
     rows = RowsOnce(takers) if takers else None
     run = run_plan(steps, plan.x0, method.stepper, sink=rows)

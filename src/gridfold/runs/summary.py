@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
+from gridfold.runs.extremes import Extreme, VoltageRange
 from gridfold.runs.island_figures import CutOff, FrequencyRange, cut_off, frequency_range
 from gridfold.runs.parts import Part
 from gridfold.runs.trajectory import Trajectory
@@ -27,15 +28,6 @@ class Swing:
     at_seconds: float
     lowest_speed: float
     highest_speed: float
-
-
-@dataclass(frozen=True)
-class Extreme:
-    """An extreme value, where (bus number) and when (s)."""
-
-    value: float
-    bus: int
-    at_seconds: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +60,7 @@ class Summary:
 
 def summarize(run: Trajectory) -> Summary:
     """Summarize a run."""
-    summarizer = Summarizer(run.model)
+    summarizer = Summarizer(run.model, run.voltage_range)
     for part in run.parts:
         summarizer.take(part)
     return summarizer.summary()
@@ -76,9 +68,13 @@ def summarize(run: Trajectory) -> Summary:
 
 @dataclass
 class Summarizer:
-    """Makes the summary of a run from its parts in order of time, none of which it keeps."""
+    """Makes the summary of a run from its parts in order of time, none of which it keeps.
+
+    `voltages` are the extremes of the voltages where they are known already.
+    """
 
     model: DetailedModel
+    voltages: VoltageRange | None = None
     _last: DetailedModel | None = None
     _lowest: Extreme | None = None
     _highest: Extreme | None = None
@@ -104,8 +100,9 @@ class Summarizer:
         self._last = part.model
         frequency = frequency_range(part)
         self._frequency = self._frequency.joined(frequency) if self._frequency else frequency
-        for block in part.blocks(_ROWS):
-            self._take_voltages(block)
+        if self.voltages is None:
+            for block in part.blocks(_ROWS):
+                self._take_voltages(block)
 
     def summary(self) -> Summary:
         """Of all parts so far."""
@@ -123,22 +120,27 @@ class Summarizer:
         ]
         swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
         gone = cut_off(self.model, self._last or self.model)
-        return Summary(tuple(swings), self._lowest, self._highest, self._frequency, gone)
+        found = self.voltages or VoltageRange(self._lowest, self._highest)
+        return Summary(tuple(swings), found.lowest, found.highest, self._frequency, gone)
 
     def _take_swings(self, part: Part) -> None:
         machines = self.model.machines
-        out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
-        angles = part.signals(self.model.slots("rotor_angle", machines))
-        angles = angles - part.centres_of_inertia()
+        moved = part.relative_angles()
         speed = part.signals(self.model.slots("speed", machines))
-        angles[:, out] = speed[:, out] = np.nan
+        out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
         if self._last is None:
-            self._start = angles[0]
-        moved = np.nan_to_num(angles - self._start)
-        row, column = np.argmax(np.abs(moved), axis=0), np.arange(len(machines))
-        further = np.abs(moved[row, column]) > np.abs(self._peak)
-        self._peak = np.where(further, moved[row, column], self._peak)
-        self._peak_at = np.where(further, part.times[row], self._peak_at)
+            self._start = moved[0].copy()
+        moved -= self._start
+        if out or np.isnan(self._start).any():
+            moved = np.nan_to_num(moved)
+            speed = speed.copy()
+            speed[:, out] = np.nan
+        every = np.arange(len(machines))
+        for row in (np.argmax(moved, axis=0), np.argmin(moved, axis=0)):
+            largest = moved[row, every]
+            further = np.abs(largest) > np.abs(self._peak)
+            self._peak = np.where(further, largest, self._peak)
+            self._peak_at = np.where(further, part.times[row], self._peak_at)
         self._slowest = np.fmin(self._slowest, np.fmin.reduce(speed, axis=0))
         self._fastest = np.fmax(self._fastest, np.fmax.reduce(speed, axis=0))
 

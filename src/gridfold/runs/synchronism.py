@@ -74,6 +74,8 @@ class SynchronismCriterion:
 
 
 DEFAULT_CRITERION = SynchronismCriterion()
+#: Where a model keeps its frame, which is looked at many times.
+_FRAME = "angle_frame"
 
 
 @dataclass(frozen=True)
@@ -108,21 +110,35 @@ class AngleFrame:
 
     def references(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Reference angle in rad for each unit along `states`, shape (n_times, n_units)."""
-        angles = states[:, self.slots]
-        result = np.empty_like(angles)
-        for island, fixed in enumerate(self.fixed):
-            members = self.island == island
-            weights = self.inertia[members]
-            if np.isnan(fixed):
-                mean = angles[:, members] @ (weights / weights.sum())
-                result[:, members] = mean[:, None]
-            else:
-                result[:, members] = fixed
-        return result
+        return self.references_of(states[:, self.slots])
+
+    def references_of(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same from the units' rotor angles, (n_times, n_units); read only."""
+        shares = np.zeros((len(self.units), len(self.fixed)))
+        shares[np.arange(len(self.units)), self.island] = self.inertia
+        total = shares.sum(axis=0)
+        means = angles @ (shares / np.where(total, total, 1.0))
+        known = ~np.isnan(self.fixed)
+        means[:, known] = self.fixed[known]
+        if len(self.fixed) == 1:
+            return np.broadcast_to(means, angles.shape)
+        return np.asarray(means[:, self.island])
 
 
 def angle_frame(model: DetailedModel) -> AngleFrame:
     """Machines in service and the references of their islands, in the network state of `model`."""
+    known: AngleFrame | None = vars(model).get(_FRAME)
+    if known is None:
+        known = vars(model)[_FRAME] = _angle_frame(model)
+    return known
+
+
+def share_angle_frame(known: DetailedModel, other: DetailedModel) -> None:
+    """Have `other`, with the same machines in service and the same islands, take a known frame."""
+    vars(other)[_FRAME] = angle_frame(known)
+
+
+def _angle_frame(model: DetailedModel) -> AngleFrame:
     out = model.state.units_out
     units = tuple(unit for unit in model.machines if unit not in out)
     labels = model.equations.islands.labels

@@ -24,6 +24,7 @@ from gridfold.io.results import write_npz
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.basis import basis_of
+from gridfold.runs.extremes import VoltageRange
 from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored
 from gridfold.runs.monitor.record import columns_record
 from gridfold.runs.monitor.text import unit_of
@@ -80,6 +81,8 @@ class Trajectory(Card):
         Why this stepper, for the metadata.
     study_buses : frozenset of int, optional
         Bus numbers of the study area, where there is one.
+    voltage_range : VoltageRange, optional
+        Extremes of the voltages, where they were found while the run was stepped.
     """
 
     model: DetailedModel = field(repr=False)
@@ -94,6 +97,7 @@ class Trajectory(Card):
     simulation_seconds: float
     used_model: UsedModel | None = None
     method_reason: str | None = None
+    voltage_range: VoltageRange | None = None
     study_buses: frozenset[int] | None = None
 
     def _facts(self) -> dict[str, object]:
@@ -180,12 +184,10 @@ class Trajectory(Card):
         machine (``"78:1"``).
         """
         keys = self._units(units)
-        angles = self.signal("rotor_angle", keys)
         if reference is AngleReference.CENTRE_OF_INERTIA:
-            angles = (
-                angles - self._centre_of_inertia[:, [self.model.machines.index(k) for k in keys]]
-            )
-        elif reference is not AngleReference.SYNCHRONOUS:
+            return np.rad2deg(self._relative_angles[:, self._columns_of(keys)])
+        angles = self.signal("rotor_angle", keys)
+        if reference is not AngleReference.SYNCHRONOUS:
             angles = angles - self.signal("rotor_angle", [reference])
         return np.asarray(np.rad2deg(angles))
 
@@ -367,9 +369,16 @@ class Trajectory(Card):
         return np.concatenate([part.bus_voltages() for part in self.parts])
 
     @cached_property
-    def _centre_of_inertia(self) -> NDArray[np.float64]:
-        """Reference angle of each machine in rad, shape (n_times, n_machines)."""
-        return np.concatenate([part.centres_of_inertia() for part in self.parts])
+    def _relative_angles(self) -> NDArray[np.float64]:
+        """Rotor angle of each machine in rad against its reference, shape (n_times, n_machines)."""
+        return np.concatenate([part.relative_angles() for part in self.parts])
+
+    def _columns_of(self, units: Sequence[UnitKey]) -> slice | list[int]:
+        """Columns of machines in a table of all of them."""
+        if tuple(units) == self.model.machines:
+            return slice(None)
+        column = {unit: k for k, unit in enumerate(self.model.machines)}
+        return [column[unit] for unit in units]
 
     @property
     def _rows_out(self) -> list[tuple[slice, UnitKey]]:

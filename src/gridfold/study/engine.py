@@ -22,6 +22,7 @@ from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import check_limit
+from gridfold.numerics.lanes import WIDTH
 from gridfold.study.check_sample import checked_runs
 from gridfold.study.executors import Workers, team
 from gridfold.study.generate import Contingency, contingency_from_record
@@ -30,15 +31,17 @@ from gridfold.study.identity import identity_of, refuse_changed, refuse_other, r
 from gridfold.study.named_files import NamedFiles, read_named
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.processes import refuse_nested
-from gridfold.study.solve import Batch, Task
+from gridfold.study.solve import Batch, Task, why_one_by_one
 from gridfold.study.study_file import Study, load_study, with_own_devices
 from gridfold.study.summary import column_types
 from gridfold.study.team import Team
 from gridfold.study.trust import code_record, require_trust
 from gridfold.study.work import Progress, Stage, StudyRun, Work
 
-#: Most contingencies that are handed out together: a kill loses them all.
-_LARGEST_BATCH = 4
+#: Most contingencies of a topology, and most that advance together: a kill loses those handed out.
+_LARGEST_BATCH, _MOST_TOGETHER = 4, 128
+#: States times steps of those that advance together, some seconds of one core.
+_WORK_TOGETHER = 1.5e8
 
 
 @one_blas_thread
@@ -132,7 +135,8 @@ def run_study(
         settings = store.identity["settings"]
         told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
-        work = Work(store, crew, _rounds(store, prepared, retry_failed), tell, began)
+        rounds = _rounds(store, prepared, crew.count, retry_failed)
+        work = Work(store, crew, rounds, tell, began)
         stage = work.run(stop or Event())
         store.tell("last_run", _provenance(crew))
         return work.outcome(target, stage)
@@ -187,7 +191,7 @@ def _create(
 
 
 def _rounds(
-    store: StudyStore, prepared: Prepared, retry_failed: bool
+    store: StudyStore, prepared: Prepared, workers: int, retry_failed: bool
 ) -> Iterator[tuple[str, list[Batch]]]:
     """What is to be done: all that has no result, then checks of those that matter."""
     records = {record["number"]: record for record in store.contingencies()}
@@ -195,7 +199,7 @@ def _rounds(
     every = sample == "all" or int(sample) >= len(records)
     left = records.keys() - store.done() | (store.failed() if retry_failed else set())
     tasks = [Task(contingency_from_record(records[number]), check=every) for number in sorted(left)]
-    yield "", _batches(tasks, prepared)
+    yield "", _batches(tasks, prepared, workers)
     if every or prepared.small is None:
         return
     frame = store.frame()
@@ -204,13 +208,15 @@ def _rounds(
     tasks = [
         Task(contingency_from_record(records[number]), check=True) for number in sorted(chosen)
     ]
-    yield f"{len(tasks)} runs are checked with the detailed model", _batches(tasks, prepared)
+    batches = _batches(tasks, prepared, workers)
+    yield f"{len(tasks)} runs are checked with the detailed model", batches
 
 
-def _batches(tasks: list[Task], prepared: Prepared) -> list[Batch]:
-    """Tasks that lead to one topology together: its small models are built by one worker, once."""
+def _batches(tasks: list[Task], prepared: Prepared, workers: int) -> list[Batch]:
+    """Tasks that advance together, or that lead to one topology, whose models are built once."""
     if prepared.small is None:
-        return [(task,) for task in tasks]
+        size = _together(len(tasks), prepared, workers)
+        return [tuple(tasks[k : k + size]) for k in range(0, len(tasks), size)]
     case, t_end = prepared.model.case, prepared.study.run.t_end
 
     def last(task: Task) -> Topology:
@@ -222,6 +228,16 @@ def _batches(tasks: list[Task], prepared: Prepared) -> list[Batch]:
         size = _LARGEST_BATCH if key else 1
         batches += [members[k : k + size] for k in range(0, len(members), size)]
     return batches
+
+
+def _together(count: int, prepared: Prepared, workers: int) -> int:
+    """How many of the tasks a worker takes at once: full groups, for all workers as many."""
+    if why_one_by_one(prepared) is not None:
+        return 1
+    steps = prepared.study.run.t_end / prepared.method.stepper.step
+    most = min(_WORK_TOGETHER / (max(prepared.model.n_states, 1) * steps), _MOST_TOGETHER)
+    rounds = max(1, -(-count // (max(workers, 1) * max(int(most), WIDTH)))) * max(workers, 1)
+    return max(WIDTH, -(-count // (rounds * WIDTH)) * WIDTH)
 
 
 def _provenance(crew: Team) -> dict[str, Any]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
+from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing_time import critical_clearing_time
 from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
@@ -33,7 +35,7 @@ from gridfold.runs.table_files import TableFile, TableFormat
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Prepared
-from gridfold.study.study_file import Kept
+from gridfold.study.study_file import Kept, SideBySide
 from gridfold.study.summary import Figures, time_per_model, trajectory_figures
 from gridfold.study.watched import watched_curves
 
@@ -66,9 +68,47 @@ class Solved:
         return dict(self.result.figures)
 
 
+@one_blas_thread
 def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
-    """Simulate some contingencies, one after the other."""
-    return tuple(solve(prepared, task) for task in batch)
+    """Simulate some contingencies, side by side where that is faster, else one after the other."""
+    known: dict[int, Solved] = {}
+    if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
+        # What does not go through is tried by itself, and tells there what is wrong with it.
+        with suppress(Exception):
+            known.update(_side_by_side(prepared, batch))
+    return tuple(known.get(number) or solve(prepared, task) for number, task in enumerate(batch))
+
+
+def why_one_by_one(prepared: Prepared) -> str | None:
+    """Why the contingencies of a study do not advance together; None if they do."""
+    if prepared.study.run.batch is SideBySide.OFF:
+        return "as asked for"
+    if prepared.small is not None:
+        return "they are simulated on reduced models"
+    if prepared.relays:
+        return "relays watch every run"
+    if prepared.time_limit is not None:
+        return "each has a time limit of its own"
+    return why_single(prepared.model, prepared.method.stepper)
+
+
+def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
+    """What comes of the tasks of a batch that ran together, by their places in it."""
+    wanted = prepared.study.outputs
+    runs = simulate_batch(
+        prepared.model,
+        [task.contingency.events for task in batch],
+        prepared.study.run.t_end,
+        prepared.method.stepper,
+        prepared.criterion,
+        dict(prepared.intact),
+        every_state=wanted.trajectories is not Kept.NONE,
+    )
+    for number, run in runs:
+        if isinstance(run, Trajectory):
+            area = None if prepared.parts is None else prepared.parts.study_buses
+            within = replace(run, study_buses=area)
+            yield number, _Solver(prepared, batch[number]).detailed(within)
 
 
 @one_blas_thread
@@ -89,7 +129,7 @@ def failed(task: Task, reason: str, seconds: float | None = None) -> Solved:
     """The row of a contingency that could not be simulated."""
     text = " ".join(reason.split())
     figures = Figures(status="failed", reason=text, wall_s=seconds)
-    return Solved(Result(task.contingency.number, asdict(figures)))
+    return Solved(Result(task.contingency.number, vars(figures)))
 
 
 @dataclass
@@ -120,22 +160,34 @@ class _Solver:
         return self.prepared.columns
 
     def solve(self, began: float) -> Solved:
+        """Run it, and look at the run."""
         events = self.events
-        switches: tuple[Switch, ...] = ()
-        figures: dict[str, Any] = {}
         if self.small is None:
-            run = self._detailed(events)
-            figures |= time_per_model(run)
-            if self.prepared.study.model.tolerance_deg is not None:
-                figures["error_estimate_deg"] = 0.0
-        else:
-            adaptive = self._reduced(self.small, events)
-            run, switches = adaptive.trajectory, adaptive.switches
-            figures |= time_per_model(run, adaptive.modes)
-            figures["wall_reduction_s"] = adaptive.reduction_seconds
-            figures["wall_run_s"] = time.perf_counter() - began
-            figures["error_estimate_deg"] = adaptive.error_estimate_deg
-            figures["switches"] = max(0, len(switches) - 1)
+            return self.detailed(self._detailed(events))
+        adaptive = self._reduced(self.small, events)
+        figures: dict[str, Any] = time_per_model(adaptive.trajectory, adaptive.modes)
+        figures["wall_reduction_s"] = adaptive.reduction_seconds
+        figures["wall_run_s"] = time.perf_counter() - began
+        figures["error_estimate_deg"] = adaptive.error_estimate_deg
+        figures["switches"] = max(0, len(adaptive.switches) - 1)
+        return self._looked_at(adaptive.trajectory, figures, adaptive.switches, began)
+
+    def detailed(self, run: Trajectory) -> Solved:
+        """Look at a detailed run."""
+        began = time.perf_counter() - _seconds(run)
+        figures: dict[str, Any] = time_per_model(run)
+        if self.prepared.study.model.tolerance_deg is not None:
+            figures["error_estimate_deg"] = 0.0
+        return self._looked_at(run, figures, (), began)
+
+    def _looked_at(
+        self,
+        run: Trajectory,
+        figures: dict[str, Any],
+        switches: tuple[Switch, ...],
+        began: float,
+    ) -> Solved:
+        """The row, the curves and the table of a run."""
         figures |= trajectory_figures(run)
         curves = self._curves(run, switches)
         if self.prepared.study.outputs.monitor is not None:
@@ -146,7 +198,7 @@ class _Solver:
             curves |= beside
         figures |= self._clearing_time()
         figures["wall_s"] = time.perf_counter() - began
-        row = asdict(Figures(**figures))
+        row = vars(Figures(**figures))
         wanted = self.prepared.study.outputs
         number = self.task.contingency.number
         result = Result(number, row, curves if wanted.curves else None)

@@ -42,7 +42,7 @@ Positive = Annotated[float, Field(gt=0, lt=inf)]
 NotNegative = Annotated[float, Field(ge=0, lt=inf)]
 Count = Annotated[int, Field(ge=0)]
 #: Keys that do not change what a row says, so that a study may go on with another value.
-FREE_KEYS = frozenset({"run.time_limit"})
+FREE_KEYS = frozenset({"run.time_limit", "run.batch"})
 
 
 def _where(word: Word) -> AfterValidator:
@@ -73,6 +73,13 @@ def _watched(text: str) -> str:
 
 #: What is watched of a run: ``flow 101-103, voltage area:1, every 5``.
 Watched = Annotated[str, AfterValidator(_watched)]
+
+
+class SideBySide(Enum):
+    """Whether contingencies advance together."""
+
+    AUTO = "auto"
+    OFF = "off"
 
 
 class Kept(Enum):
@@ -269,6 +276,10 @@ class Run(_Section):
         default=None,
         description="Longest time on the machine for one contingency (s); it fails beyond. It may "
         "differ where a study goes on.",
+    )
+    batch: SideBySide = Field(
+        default=SideBySide.AUTO,
+        description="Contingencies advance together where that is faster, or one by one.",
     )
 
     @property

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.ringdown import ringdown
+from gridfold.runs.extremes import Extreme
 from gridfold.runs.island_figures import FrequencyRange
-from gridfold.runs.summary import Extreme, last_event, summarize
+from gridfold.runs.summary import last_event, summarize
 from gridfold.runs.synchronism import angle_frame
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.systems.status import Status
@@ -210,16 +211,17 @@ def _name(status: Status) -> str:
 def _separation(run: Trajectory) -> dict[str, float]:
     """Largest difference of two rotor angles in one island."""
     largest, at = 0.0, 0.0
-    angles = run.rotor_angle_deg()
+    angles = run.signal("rotor_angle")
     column = {unit: k for k, unit in enumerate(run.model.machines)}
     for rows, model in run.stages:
-        frame = angle_frame(model)
+        frame, here = angle_frame(model), angles[rows]
         for island in range(len(frame.fixed)):
             units = [u for u, k in zip(frame.units, frame.island, strict=True) if k == island]
-            here = angles[rows][:, [column[unit] for unit in units]]
-            if not here.size:
+            if not (units and len(here)):
                 continue
-            spread = here.max(axis=1) - here.min(axis=1)
+            whole = len(units) == here.shape[1]
+            apart = here if whole else here[:, [column[unit] for unit in units]]
+            spread = np.rad2deg(apart.max(axis=1) - apart.min(axis=1))
             row = int(np.argmax(spread))
             if spread[row] > largest:
                 largest, at = float(spread[row]), float(run.times[rows][row])

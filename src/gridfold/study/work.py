@@ -75,7 +75,10 @@ class Progress:
 
 @dataclass(frozen=True, repr=False)
 class StudyRun(Card):
-    """What a run of a study came to; the results are in `folder`."""
+    """What a run of a study came to; the results are in `folder`.
+
+    `done` counts all that have a result, `here` those that this run has given one.
+    """
 
     folder: Path
     stage: Stage
@@ -86,6 +89,12 @@ class StudyRun(Card):
     failed: int
     seconds: float
     workers: str
+    here: int = 0
+
+    @property
+    def per_second(self) -> float:
+        """Contingencies a second in this run, with all that it did from its beginning."""
+        return self.here / self.seconds if self.seconds else 0.0
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -188,6 +197,7 @@ class Work:
             counts["failed"],
             seconds,
             self.crew.description,
+            self.here,
         )
 
     def _hand_out(self) -> bool:

@@ -178,21 +178,16 @@ def build_equations(
             shunt[index[bus]] += 1 / impedance
     matrix = bus_admittance(case, altered).tocoo()
     rows, columns, values = _altered_branches(case, state, altered - state.branches_out)
-    diagonal = np.arange(n)
-    entries = coo_array(
-        (
-            np.concatenate([matrix.data, shunt, values]),
-            (
-                nodes[np.concatenate([matrix.row, diagonal, rows])],
-                nodes[np.concatenate([matrix.col, diagonal, columns])],
-            ),
-        ),
-        shape=(n, n),
-    ).tocsc()
-    live = np.flatnonzero(alive & (nodes == diagonal))
+    live = np.flatnonzero(alive & (nodes == np.arange(n)))
     row_of = _bus_rows(live, nodes)
+    data = np.concatenate([matrix.data, shunt, values])
+    rows = row_of[np.concatenate([matrix.row, np.arange(n), rows])]
+    columns = row_of[np.concatenate([matrix.col, np.arange(n), columns])]
+    kept = (rows >= 0) & (columns >= 0)
+    shape = (len(live),) * 2
+    entries = coo_array((data[kept], (rows[kept], columns[kept])), shape=shape).tocsc()
     at = np.array([index[bus] for bus in terminal_buses], dtype=np.int64)
-    return NetworkEquations(entries[live][:, live], live, row_of[at], n, islands, nodes)
+    return NetworkEquations(entries, live, row_of[at], n, islands, nodes)
 
 
 def _bus_rows(live: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,0 +1,269 @@
+"""The compiled right-hand side of many members at once.
+
+Every row of the detailed model becomes a row of members: entry `s` of member `b` stands at
+``s * members + b``. A block of units is then a block of units x members, which its kernels take as
+they are. What a member's network state changes is written into the data by :meth:`BatchRhs.put`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.batch.change import NetworkChange
+from gridfold.dynamics.batch.factors import (
+    ROW,
+    column_factors,
+    put_currents,
+    solve_group,
+    take_voltages,
+)
+from gridfold.dynamics.device import batch_kernel
+from gridfold.dynamics.layout import Block, Layout
+from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network.backend import CompiledNetwork
+from gridfold.dynamics.rhs import (
+    HEADER_SIZE,
+    N_DERIVATIVE_CALLS,
+    N_OUTPUT_CALLS,
+    N_SIGNALS,
+    N_SOURCE_CALLS,
+    N_STATES,
+    N_TERMINALS,
+    SCRATCH_AT,
+    frozen_states,
+    load_constants,
+    pack_model,
+    run_calls,
+)
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.compiled import compile_callback, compiled_part
+from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
+
+# The header goes on behind that of the detailed model.
+(
+    MEMBERS,
+    N_MACHINES,
+    MACHINES_AT,
+    LIVE_AT,
+    N_FROZEN,
+    FROZEN_AT,
+    FACTORS_AT,
+    FACTOR_REALS_AT,
+    RANKS_AT,
+    DRAWN_AT,
+    CAUSED_AT,
+    COMPENSATING_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 12)
+_SIZE = HEADER_SIZE + 12
+
+
+@dataclass(frozen=True)
+class BatchRhs:
+    """The right-hand side of `members` runs of one model, each in a network state of its own.
+
+    Parameters
+    ----------
+    compiled : CompiledRhs
+        For states of shape (n_states, members), flattened. Its data are changed by :meth:`put`.
+    members : int
+        How many stand side by side.
+    rank : int
+        The largest rank of a change that there is room for.
+    """
+
+    model: DetailedModel
+    compiled: CompiledRhs
+    members: int
+    rank: int
+
+    def put(
+        self, member: int, change: NetworkChange | None, units_out: Collection[UnitKey]
+    ) -> None:
+        """From now on `member` is on the network with `change`, without `units_out`."""
+        integers, layout = self.compiled.integers, self.model.layout
+        live = self._reals(LIVE_AT, (len(layout.sources), self.members))
+        live[:, member] = 1.0
+        if units_out:
+            live[:, member] = [unit not in units_out for unit in layout.source_units]
+        rank = 0 if change is None else len(change.buses)
+        groups = self.members // WIDTH
+        ranks = integers[integers[RANKS_AT] :][: self.members + groups]
+        ranks[groups + member] = rank
+        group = member // WIDTH
+        ranks[group] = ranks[groups + group * WIDTH :][:WIDTH].max()
+        shape = (self.rank, len(layout.terminals), 2, self.members)
+        drawn, caused = self._reals(DRAWN_AT, shape), self._reals(CAUSED_AT, shape)
+        drawn[:, :, :, member] = caused[:, :, :, member] = 0.0
+        if change is not None:
+            drawn[:rank, :, 0, member], drawn[:rank, :, 1, member] = (
+                change.drawn.real, change.drawn.imag,
+            )  # fmt: skip
+            caused[:rank, :, 0, member], caused[:rank, :, 1, member] = (
+                change.caused.T.real, change.caused.T.imag,
+            )  # fmt: skip
+        self._freeze(member, units_out)
+
+    def _freeze(self, member: int, units_out: Collection[UnitKey]) -> None:
+        integers, count = self.compiled.integers, self.compiled.integers[N_FROZEN]
+        places = integers[integers[FROZEN_AT] :]
+        others = [p for p in places[:count] if p % self.members != member]
+        own = [k * self.members + member for k in frozen_states(self.model.layout, units_out)]
+        integers[N_FROZEN] = len(others) + len(own)
+        places[: integers[N_FROZEN]] = others + own
+
+    def _reals(self, at: int, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        start = self.compiled.integers[at]
+        return self.compiled.reals[start : start + int(np.prod(shape))].reshape(shape)
+
+
+def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
+    """The right-hand side of so many members, a multiple of eight, all on the network of `model`."""
+    layout = model.layout
+    wide = _side_by_side(layout, members)
+    factors = column_factors(model.equations, every_bus=False)
+    scratch = factors.n_rows * ROW
+    none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
+    constants = np.repeat(model.constants, members)
+    data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=batch_kernel)
+    header, integers, reals = data.header, data.integers, data.reals
+    n, groups = len(layout.terminals), members // WIDTH
+    header[MEMBERS] = members
+    header[[N_MACHINES, MACHINES_AT]] = len(layout.sources), integers.add(layout.sources)
+    header[FACTORS_AT] = integers.add(factors.integers)
+    header[FACTOR_REALS_AT] = reals.add(factors.reals)
+    header[LIVE_AT] = reals.add(np.ones((len(layout.sources), members)))
+    header[RANKS_AT] = integers.add(np.zeros(groups + members))
+    header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
+    header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    header[COMPENSATING_AT] = data.work_size
+    compiled = CompiledRhs(
+        _compiled().address,
+        np.concatenate([header, integers.join()]),
+        reals.join(),
+        data.work_size + 2 * rank * members,
+        layout.n_states * members,
+    )
+    return BatchRhs(model, compiled, members, rank)
+
+
+def _side_by_side(layout: Layout, members: int) -> Layout:
+    """The layout of which each entry stands for all members."""
+
+    def places(index: NDArray[np.int64]) -> NDArray[np.int64]:
+        wide = index[..., None] * members + np.arange(members)
+        return wide.reshape(*index.shape[:-1], -1)
+
+    def block(one: Block) -> Block:
+        return replace(
+            one,
+            units=tuple(unit for unit in one.units for _ in range(members)),
+            parameters=np.repeat(one.parameters, members, axis=1),
+            state_start=one.state_start * members,
+            signal_start=one.signal_start * members,
+            inputs=places(one.inputs),
+        )
+
+    return replace(
+        layout,
+        blocks=tuple(map(block, layout.blocks)),
+        n_states=layout.n_states * members,
+        n_signals=layout.n_signals * members,
+        terminals=tuple(bus for bus in layout.terminals for _ in range(members)),
+        sources=np.zeros((0, 3), dtype=np.int64),
+        source_units=(),
+    )
+
+
+@compiled_part
+def _add_currents(integers, reals, work):
+    """Add up the Norton currents of the machines that are in service."""
+    members = integers[MEMBERS]
+    currents = work[integers[N_SIGNALS] :]
+    n = integers[N_TERMINALS]
+    zero = all_lanes(0.0)
+    for k in range(0, 2 * n, WIDTH):
+        store_lanes(currents, k, zero)
+    live = reals[integers[LIVE_AT] :]
+    machines = integers[integers[MACHINES_AT] :]
+    for s in range(integers[N_MACHINES]):
+        real, imaginary = machines[3 * s] * members, machines[3 * s + 1] * members
+        at = machines[3 * s + 2] * members
+        for b in range(0, members, WIDTH):
+            on = load_lanes(live, s * members + b)
+            here = load_lanes(currents, at + b)
+            store_lanes(currents, at + b, here + on * load_lanes(work, real + b))
+            here = load_lanes(currents, n + at + b)
+            store_lanes(currents, n + at + b, here + on * load_lanes(work, imaginary + b))
+
+
+@compiled_part
+def _solve(integers, reals, work):
+    """Voltages of the terminals: those of the intact network, and what compensating currents add."""
+    members, n = integers[MEMBERS], integers[N_TERMINALS]
+    currents = work[integers[N_SIGNALS] :]
+    voltages = work[integers[N_SIGNALS] - 2 * n :]
+    scratch = work[integers[SCRATCH_AT] :]
+    factors, values = integers[integers[FACTORS_AT] :], reals[integers[FACTOR_REALS_AT] :]
+    for group in range(members // WIDTH):
+        first = group * WIDTH
+        put_currents(factors, currents, members, first, scratch)
+        solve_group(factors, values, scratch)
+        take_voltages(factors, scratch, members, first, voltages)
+        rank = integers[integers[RANKS_AT] + group]
+        if rank:
+            _compensate(integers, reals, work, first, rank)
+
+
+@compiled_part
+def _compensate(integers, reals, work, first, rank):
+    members, wide = integers[MEMBERS], integers[N_TERMINALS]
+    n = wide // members
+    currents = work[integers[N_SIGNALS] :]
+    voltages = work[integers[N_SIGNALS] - 2 * wide :]
+    drawn, caused = reals[integers[DRAWN_AT] :], reals[integers[CAUSED_AT] :]
+    compensating = work[integers[COMPENSATING_AT] :]
+    for r in range(rank):
+        j_r, j_i = all_lanes(0.0), all_lanes(0.0)
+        for t in range(n):
+            at = 2 * (r * n + t) * members + first
+            w_r, w_i = load_lanes(drawn, at), load_lanes(drawn, at + members)
+            i_r = load_lanes(currents, t * members + first)
+            i_i = load_lanes(currents, wide + t * members + first)
+            j_r = j_r - w_r * i_r + w_i * i_i
+            j_i = j_i - w_r * i_i - w_i * i_r
+        store_lanes(compensating, 2 * r * members + first, j_r)
+        store_lanes(compensating, (2 * r + 1) * members + first, j_i)
+        for t in range(n):
+            at = 2 * (r * n + t) * members + first
+            z_r, z_i = load_lanes(caused, at), load_lanes(caused, at + members)
+            real, imaginary = t * members + first, wide + t * members + first
+            v_r, v_i = load_lanes(voltages, real), load_lanes(voltages, imaginary)
+            store_lanes(voltages, real, v_r + z_r * j_r - z_i * j_i)
+            store_lanes(voltages, imaginary, v_i + z_r * j_i + z_i * j_r)
+
+
+def _batch_rhs(integers, reals, work, x, dx):
+    for i in range(0, integers[N_STATES], WIDTH):
+        store_lanes(work, i, load_lanes(x, i))
+    load_constants(integers, reals, work)
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
+    run_calls(0, n_source, integers, reals, work, x, dx)
+    _add_currents(integers, reals, work)
+    _solve(integers, reals, work)
+    run_calls(n_source, n_output, integers, reals, work, x, dx)
+    run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
+    for k in range(integers[N_FROZEN]):
+        dx[integers[integers[FROZEN_AT] + k]] = 0.0
+
+
+@cache
+def _compiled() -> Any:
+    return compile_callback(_batch_rhs, RHS_SIGNATURE)

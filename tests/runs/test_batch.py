@@ -1,0 +1,262 @@
+"""Runs side by side are the runs that each disturbance has by itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import one_machine_infinite_bus
+from limited_cases import npcc_with_ieeet1, npcc_with_sexs
+
+import gridfold as gf
+from gridfold.errors import EventError, OptionError
+from gridfold.runs.batch import simulate_batch
+from gridfold.runs.simulate import simulate
+from gridfold.runs.summary import summarize
+from gridfold.runs.trajectory import Trajectory
+
+ROOT = Path(__file__).parents[2]
+CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
+DEGREE = 1e-9
+#: Longer than any step, shorter than a swing: enough for every event to have acted.
+T_END = 1.2
+
+
+def every_kind(case: gf.Case) -> list[list[gf.Event]]:
+    """Every kind of event, at times on and off the grid of steps."""
+    branch = case.branches[3]
+    name = f"{branch.from_bus}-{branch.to_bus}"
+    other = case.branches[10]
+    second = f"{other.from_bus}-{other.to_bus}"
+    unit = next(g for g in case.generators if g.in_service)
+    bus = case.buses[8].number
+    return [
+        [],
+        [gf.BusFault(bus, 0.1, 0.1)],
+        [gf.BusFault(bus, 0.1033, 0.0871, 0.001, 0.02)],
+        [gf.BusFault(case.buses[20].number, 0.0, 0.05, trip_bus=True)],
+        [gf.BranchFault(name, 0.1, 0.0777)],
+        [gf.BranchFault(name, 0.1, 0.08, fraction=0.37)],
+        [gf.BranchFault(second, 0.1, 0.08, fraction=0.6, reactance=0.03, trip=False)],
+        [gf.BranchTrip(name, 0.2), gf.BranchReclose(name, 0.4567)],
+        [gf.MachineTrip(unit.bus, unit.id, 0.15)],
+        [gf.LoadStep(bus, 0.1, 120.0, -40.0), gf.LoadStep(bus, 0.5, -200.0, 10.0)],
+        [
+            gf.BusFault(bus, 0.1, 0.1),
+            gf.BranchTrip(second, 0.2),
+            gf.MachineTrip(unit.bus, unit.id, 0.3),
+        ],
+        [gf.BusFault(case.buses[22].number, 0.1, 1.0)],
+    ]  # fmt: skip
+
+
+def cut_off(case: gf.Case, buses: set[int], time: float) -> list[gf.Event]:
+    """Trips of all branches between some buses and the rest."""
+    counts: dict[tuple[int, int], int] = {}
+    events: list[gf.Event] = []
+    for branch in case.branches:
+        if branch.in_service and (branch.from_bus in buses) != (branch.to_bus in buses):
+            pair = branch.from_bus, branch.to_bus
+            counts[pair] = counts.get(pair, 0) + 1
+            events.append(gf.BranchTrip(f"{pair[0]}-{pair[1]}:{branch.circuit}", time))
+    return events
+
+
+def together(
+    model: gf.DetailedModel,
+    disturbances: Sequence[Sequence[gf.Event]],
+    t_end: float = T_END,
+    stepper: gf.Stepper | None = None,
+    **options: object,
+) -> list[Trajectory]:
+    found = dict(simulate_batch(model, disturbances, t_end, stepper, **options))
+    runs = [found[number] for number in range(len(disturbances))]
+    for run in runs:
+        assert isinstance(run, Trajectory), run
+    return runs
+
+
+def agree(
+    model: gf.DetailedModel,
+    disturbances: Sequence[Sequence[gf.Event]],
+    t_end: float = T_END,
+    stepper: gf.Stepper | None = None,
+) -> list[Trajectory]:
+    """Runs side by side, of which all that is kept is compared with the runs one by one."""
+    runs = together(model, disturbances, t_end, stepper)
+    for events, run in zip(disturbances, runs, strict=True):
+        alone = simulate(model, events, t_end, stepper)
+        assert np.array_equal(run.times, alone.times), events
+        assert (run.status, run.culprit) == (alone.status, alone.culprit), events
+        assert run.notices == alone.notices
+        assert run.run.step_count == alone.run.step_count
+        apart = np.abs(run.rotor_angle_deg() - alone.rotor_angle_deg())
+        assert np.nanmax(apart, initial=0.0) < DEGREE, events
+        assert np.nanmax(np.abs(run.signal("speed") - alone.signal("speed")), initial=0.0) < 1e-12
+        here, there = summarize(run), summarize(alone)
+        for found, known in (
+            (here.lowest_voltage, there.lowest_voltage),
+            (here.highest_voltage, there.highest_voltage),
+        ):
+            assert (found is None) == (known is None), events
+            if found is not None and known is not None:
+                assert found.value == pytest.approx(known.value, abs=1e-11), events
+        assert here.cut_off == there.cut_off
+    return runs
+
+
+def public(name: str, dyr: str | None = None, **options: object) -> gf.DetailedModel:
+    path = CASES / name
+    if not path.exists():
+        pytest.skip(f"{path} is absent; GRIDFOLD_CASES names the folder of public cases")
+    case = gf.load_case(path, None if dyr is None else CASES / dyr, **options)
+    return gf.build_model(case, on_limit="adjust")
+
+
+def test_all_kinds_of_events_give_the_runs_they_have_alone(npcc: gf.DetailedModel) -> None:
+    runs = agree(npcc, every_kind(npcc.case))
+    assert {run.status.value for run in runs} >= {"completed", "lost synchronism"}
+
+
+def test_the_adams_rule_takes_runge_kutta_steps_where_it_does_alone(npcc: gf.DetailedModel) -> None:
+    agree(npcc, every_kind(npcc.case), stepper=gf.AdamsBashforthMoulton4(0.02))
+
+
+def test_events_of_planners_and_relays_give_the_runs_they_have_alone(
+    npcc: gf.DetailedModel,
+) -> None:
+    case = npcc.case
+    branch = case.branches[3]
+    name = f"{branch.from_bus}-{branch.to_bus}"
+    fault = gf.BusFault(case.buses[8].number, 0.1, 0.08)
+    unit = next(g for g in case.generators if g.in_service)
+    agree(
+        npcc,
+        [
+            [fault, gf.ShuntStep(12, 80.0, time=0.2), gf.LoadShed(0.4, buses="3-7", time=0.3)],
+            [gf.BranchFault(name, 0.1, 0.06), gf.BranchOpenEnd("3-2", 2, 0.25)],
+            [fault, gf.LoadShed(0.1, areas="1", time=0.3)],
+            [gf.Redispatch(100.0, areas="1"), fault],
+            [gf.SetParameter(unit.bus, "voltage_reference", change=0.02, time=0.1)],
+            [fault, gf.DistanceRelay("9-8", 8)],
+            [fault],
+        ],
+    )
+
+
+def test_members_that_end_make_room_for_the_others(npcc: gf.DetailedModel) -> None:
+    buses = [bus.number for bus in npcc.case.buses[:19]]
+    disturbances = [[gf.BusFault(bus, 0.05, 0.03 + 0.2 * (bus % 3))] for bus in buses]
+    runs = agree(npcc, disturbances, 0.8)
+    assert 3 < sum(run.status.value == "completed" for run in runs) < len(runs) - 3
+
+
+def test_islands_and_dark_parts_are_those_of_runs_alone(npcc: gf.DetailedModel) -> None:
+    case = npcc.case
+    machine = case.generators[4].bus
+    neighbours = {b.from_bus for b in case.branches if b.to_bus == machine}
+    neighbours |= {b.to_bus for b in case.branches if b.from_bus == machine}
+    island = cut_off(case, {machine, *neighbours}, 0.1)
+    with_load = next(load.bus for load in case.loads if load.bus not in npcc.layout.terminals)
+    runs = agree(
+        npcc,
+        [
+            island,
+            cut_off(case, {with_load}, 0.1),
+            [*cut_off(case, {machine}, 0.1), gf.MachineTrip(machine, "1", 0.2)],
+            [*island, *cut_off(case, {with_load}, 0.3), gf.BusFault(machine, 0.4, 0.05)],
+        ],
+    )
+    assert summarize(runs[0]).cut_off.islands == 2
+    assert summarize(runs[1]).cut_off.lost_load_mw > 0
+
+
+def test_limits_that_act_act_alike(npcc: gf.DetailedModel) -> None:
+    bus = npcc.case.buses[8].number
+    for case in (npcc_with_sexs(npcc, 0.05), npcc_with_ieeet1(npcc, 0.05, "48:1")):
+        model = gf.build_model(case)
+        agree(model, [[gf.BusFault(bus, 0.1, 0.05 + 0.02 * k)] for k in range(4)])
+
+
+def test_an_infinite_bus_is_the_reference_of_its_island() -> None:
+    model = gf.build_model(one_machine_infinite_bus())
+    runs = agree(model, [[gf.BusFault(1, 0.1, 0.1 + 0.15 * k)] for k in range(5)], 3.0)
+    assert {run.status.value for run in runs} == {"completed", "lost synchronism"}
+
+
+def test_without_a_criterion_a_lost_machine_goes_on(npcc: gf.DetailedModel) -> None:
+    events = [gf.BusFault(npcc.case.buses[22].number, 0.0, 0.6)]
+    (run,) = together(npcc, [events], 1.0, criterion=None)
+    assert run.times[-1] == 1.0
+    assert run.status is gf.Status.COMPLETED
+
+
+def test_every_state_and_signal_is_there_if_asked_for(npcc: gf.DetailedModel) -> None:
+    events = [gf.BusFault(npcc.case.buses[8].number, 0.1, 0.1)]
+    (run,) = together(npcc, [events], 0.5, every_state=True)
+    alone = simulate(npcc, events, 0.5)
+    assert np.abs(run.states - alone.states).max() < 1e-12
+    assert np.abs(run.bus_voltage() - alone.bus_voltage()).max() < 1e-12
+    (short,) = together(npcc, [events], 0.5)
+    with pytest.raises(OptionError, match="ask for every state"):
+        _ = short.states
+
+
+def test_what_is_wrong_with_one_is_told_and_stops_no_other(npcc: gf.DetailedModel) -> None:
+    bus = npcc.case.buses[8].number
+    found = dict(simulate_batch(npcc, [[gf.BusFault(999)], [gf.BusFault(bus, 0.1, 0.1)]], 0.3))
+    assert isinstance(found[0], EventError)
+    assert isinstance(found[1], Trajectory)
+
+
+def test_a_line_that_the_case_has_open_is_closed(npcc: gf.DetailedModel) -> None:
+    case = npcc.case
+    first = case.branches[3]
+    name = f"{first.from_bus}-{first.to_bus}:{first.circuit}"
+    opened = (*case.branches[:3], replace(first, in_service=False), *case.branches[4:])
+    model = gf.build_model(replace(case, branches=opened))
+    agree(model, [[gf.BranchReclose(name, 0.1)], [gf.BusFault(first.from_bus, 0.1, 0.1)], []], 0.4)
+
+
+def test_runs_that_cannot_go_side_by_side_say_why(npcc: gf.DetailedModel) -> None:
+    with pytest.raises(OptionError, match="trapezoidal"):
+        list(simulate_batch(npcc, [[]], stepper=gf.ImplicitTrapezoidal(0.01)))
+    loads = gf.build_model(npcc.case, loads=gf.LoadModel((0.2, 0.2, 0.6)))
+    with pytest.raises(OptionError, match="loads"):
+        list(simulate_batch(loads, [[]], stepper=gf.RungeKutta4(0.01)))
+
+
+@pytest.mark.parametrize(
+    ("name", "dyr", "options"),
+    [
+        ("kundur/kundur.raw", "kundur/kundur_full.dyr", {"unsupported": "drop"}),
+        ("npcc/npcc_curent.raw", "npcc/npcc_curent.dyr", {}),
+        ("polish/Data_POLISH.mat", None, {}),
+    ],
+)
+def test_public_cases_agree_on_every_kind_of_event(
+    name: str, dyr: str | None, options: dict[str, str]
+) -> None:
+    model = public(name, dyr, **options)
+    small = len(model.case.branches) < 20
+    agree(model, every_kind_of_small(model.case) if small else every_kind(model.case))
+
+
+def every_kind_of_small(case: gf.Case) -> list[list[gf.Event]]:
+    """The same on a grid of ten buses."""
+    bus, far = case.buses[4].number, case.buses[-1].number
+    branch = case.branches[2]
+    name = f"{branch.from_bus}-{branch.to_bus}:{branch.circuit}"
+    unit = case.generators[1]
+    return [
+        [gf.BusFault(bus, 0.1, 0.0833)],
+        [gf.BusFault(far, 0.1, 0.05, 0.0, 0.01)],
+        [gf.BranchFault(name, 0.1, 0.05, fraction=0.4)],
+        [gf.BranchTrip(name, 0.1)],
+        [gf.MachineTrip(unit.bus, unit.id, 0.2)],
+        [gf.LoadStep(bus, 0.1, 50.0, 5.0)],
+    ]
