@@ -49,6 +49,7 @@ MADE_ELSEWHERE = {
     "tolerances": ("python benchmarks/tolerances.py", 3),
     "start": ("python benchmarks/start.py", 3),
     "studies": ("python benchmarks/studies.py", 3),
+    "batch": ("make bench-batch", 2),
     "fuzz": ("make fuzz", 3),
     "matrix": ("make test-matrix", 3),
     "kill_and_resume": ("make kill-test", 3),
