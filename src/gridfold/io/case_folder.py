@@ -7,12 +7,14 @@ replace those of the base case that have the same key, and add to the rest.
 from __future__ import annotations
 
 import typing
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError
-from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt
+from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt, UnitKey
+from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import require_valid
 from gridfold.io.rapid_mat import read_rapid
 from gridfold.io.tables import (
@@ -25,7 +27,8 @@ from gridfold.io.tables import (
 )
 
 _BUILT_IN = Path(__file__).resolve().parent.parent / "cases"
-_TABLES: dict[str, type] = {
+#: Tables of the network, and the records in them.
+TABLES: Mapping[str, type] = {
     "buses": Bus,
     "branches": Branch,
     "generators": Generator,
@@ -41,8 +44,13 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "area_names": (dict,),
     "zone_names": (dict,),
     "owner_names": (dict,),
+    "unsupported": (list,),
+    "unplaced": (list,),
+    "notices": (list,),
+    "replacements": (list,),
 }
 _NAMES = ("area_names", "zone_names", "owner_names")
+_LISTS = ("unsupported", "unplaced", "notices")
 _DEPTH_LIMIT = 8
 
 
@@ -91,7 +99,7 @@ def _files(folder: Path, depth: int) -> list[Path]:
     if depth > _DEPTH_LIMIT or folder.parent == _BUILT_IN:
         return []
     settings = _read_settings(folder / "case.toml")
-    tables = [folder / f"{name}.csv" for name in _TABLES]
+    tables = [folder / f"{name}.csv" for name in TABLES]
     files = [folder / "case.toml", *(path for path in tables if path.is_file())]
     files += sorted((folder / "devices").glob("*.csv"))
     if "extends" in settings:
@@ -128,12 +136,12 @@ def _read_case(folder: Path, depth: int) -> Case:
         parent = _resolve(settings.pop("extends"), folder, str(folder / "case.toml"))
         base = replace(_read_case(parent, depth + 1), name=folder.name)
     faults = [
-        f"{path}: unknown table; {suggest(path.stem, list(_TABLES))}"
+        f"{path}: unknown table; {suggest(path.stem, list(TABLES))}"
         for path in sorted(folder.glob("*.csv"))
-        if path.stem not in _TABLES
+        if path.stem not in TABLES
     ]
     origins = dict(base.origins)
-    for name, record_type in _TABLES.items():
+    for name, record_type in TABLES.items():
         path = folder / f"{name}.csv"
         if path.is_file():
             records, found = _read_records(path, record_type, origins)
@@ -163,9 +171,26 @@ def _read_settings(path: Path) -> dict[str, Any]:
                 settings[key] = {int(number): str(name) for number, name in settings[key].items()}
             except ValueError as error:
                 faults.append(f"{key}: {error}")
+    for key in _LISTS:
+        if isinstance(settings.get(key), list):
+            settings[key] = tuple(settings[key])
+            if not all(isinstance(text, str) for text in settings[key]):
+                faults.append(f"{key}: it is a list of texts")
+    if isinstance(settings.get("replacements"), list):
+        try:
+            settings["replacements"] = tuple(map(_replacement, settings["replacements"]))
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            faults.append(f"replacements: {error}")
     if faults:
         raise CaseFileError(faults, str(path))
     return settings
+
+
+def _replacement(table: Mapping[str, Any]) -> Replacement:
+    """What became of a model in another file, as a case that was saved tells it."""
+    units = [unit.partition(":") for unit in table["units"]]
+    keys = tuple(UnitKey(int(bus), identifier) for bus, _, identifier in units)
+    return Replacement(**{**table, "units": keys})
 
 
 def _merge(base: tuple[Any, ...], records: list[Any]) -> tuple[Any, ...]:

@@ -1,0 +1,322 @@
+"""Records and their values by name, as a person writes them: ``GENROU 101:1 H=4``.
+
+A record is named by a word and a place: ``bus 101``, ``load 101:1``, ``shunt 101:1``, ``generator 101:1``,
+``branch 101-103:1``, or a device by its model, ``GENROU 101:1``. The id and the circuit may be left out
+where there is one alone. A value is named as in gridfold's tables or by its symbol in PSS/E.
+"""
+
+from __future__ import annotations
+
+import re
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+from gridfold.dynamics.device import Device
+from gridfold.errors import OptionError
+from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Record, Shunt
+from gridfold.grid.event_checks import find_branch
+from gridfold.io.tables import parse_cell, suggest
+
+_BUS, _BRANCH, _GENERATOR, _LOAD, _SHUNT = "bus", "branch", "generator", "load", "shunt"
+#: What each kind of record is called, with the table and the type of such records.
+KINDS: Mapping[str, tuple[str, type]] = {
+    _BUS: ("buses", Bus),
+    _BRANCH: ("branches", Branch),
+    _GENERATOR: ("generators", Generator),
+    _LOAD: ("loads", Load),
+    _SHUNT: ("shunts", Shunt),
+}
+_SYNONYMS = {
+    "line": _BRANCH,
+    "transformer": _BRANCH,
+    "gen": _GENERATOR,
+    "machine": _GENERATOR,
+    "unit": _GENERATOR,
+}
+#: Symbols of PSS/E's records, for the fields that mean the same.
+SYMBOLS: Mapping[type, Mapping[str, str]] = {
+    Bus: {
+        "NAME": "name",
+        "BASKV": "base_kv",
+        "VM": "voltage_pu",
+        "VA": "angle_deg",
+    },
+    Branch: {
+        "R": "resistance",
+        "X": "reactance",
+        "B": "susceptance",
+        "R1-2": "resistance",
+        "X1-2": "reactance",
+        "WINDV1": "ratio",
+        "ANG1": "shift_deg",
+        "ST": "in_service",
+        "STAT": "in_service",
+        "GI": "from_conductance",
+        "BI": "from_susceptance",
+        "GJ": "to_conductance",
+        "BJ": "to_susceptance",
+        "MAG1": "from_conductance",
+        "MAG2": "from_susceptance",
+    },
+    Generator: {
+        "PG": "active_mw",
+        "QG": "reactive_mvar",
+        "VS": "voltage_pu",
+        "MBASE": "base_mva",
+        "STAT": "in_service",
+        "ZR": "source_resistance",
+        "ZX": "source_reactance",
+    },
+    Load: {
+        "PL": "active_mw",
+        "QL": "reactive_mvar",
+        "STATUS": "in_service",
+        "IP": "current_active_mw",
+        "IQ": "current_reactive_mvar",
+        "YP": "impedance_active_mw",
+    },
+    Shunt: {"GL": "conductance_mw", "BL": "susceptance_mvar", "STATUS": "in_service"},
+}
+#: Fields that name a record.
+KEYS = frozenset({"number", "bus", "id", "from_bus", "to_bus", "circuit"})
+_STATEMENT = re.compile(r"\s*(\S+)\s+([^\s=]+)(?:\s+(.*?))?\s*", re.DOTALL)
+_ASSIGNMENT = re.compile(r"""[\s,]*([^\s=]+?)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s,=]+))(?=[\s,]|$)""")
+_AT_BUS = re.compile(r"([0-9]{1,18})(?::(\S+))?")
+_ENDS = re.compile(r"([0-9]{1,18})-([0-9]{1,18})(?::(\S+))?")
+#: Other ways to write the primes of a symbol.
+_PRIMES = str.maketrans({"’": "'", "′": "'", '"': "''", "″": "''", "”": "''"})
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What a text says of one record.
+
+    Parameters
+    ----------
+    kind : str
+        A key of `KINDS`, or the name of a device model.
+    place : str
+        Where the record is, as it was written.
+    values : tuple of (str, str)
+        Names and values, as they were written.
+    """
+
+    kind: str
+    place: str
+    values: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def is_device(self) -> bool:
+        """Whether it is about a device."""
+        return self.kind not in KINDS
+
+    @property
+    def name(self) -> str:
+        """The record, for messages."""
+        return f"{self.kind} {self.place}"
+
+
+class Found(NamedTuple):
+    """A record of a case, and its position in a table."""
+
+    table: str
+    position: int
+    record: Record
+
+
+def parse_statement(text: str, devices: Mapping[str, Device]) -> Statement:
+    """Read a text such as ``GENROU 101:1 H=4 D=0`` or ``branch 101-103``.
+
+    Raises
+    ------
+    OptionError
+        It has another form, or its first word means nothing.
+    """
+    match = _STATEMENT.fullmatch(text)
+    if match is None:
+        raise OptionError(
+            "a record is written with a word and a place, such as GENROU 101:1, load 101:1 or "
+            f"branch 101-103:1, not {text!r}"
+        )
+    word = match[1].lower()
+    kind = _SYNONYMS.get(word, word)
+    if kind not in KINDS and kind not in devices:
+        known = [*KINDS, *(name.upper() for name in devices)]
+        near = suggest(match[1] if match[1] in KINDS else match[1].upper(), known)
+        hint = near if near.startswith("did") else f"known: {', '.join(KINDS)}, or a device model"
+        raise OptionError(f"{match[1]!r} is no kind of record and no device model; {hint}")
+    return Statement(kind, match[2], _assignments(match[3] or ""))
+
+
+def _assignments(text: str) -> tuple[tuple[str, str], ...]:
+    found: dict[str, str] = {}
+    end = 0
+    while match := _ASSIGNMENT.match(text, end):
+        if match[1] in found:
+            raise OptionError(f"{match[1]} is given twice")
+        found[match[1]] = next(value for value in match.groups()[1:] if value is not None)
+        end = match.end()
+    if rest := text[end:].strip(" \t\r\n,"):
+        raise OptionError(f"values are written NAME=VALUE, not {rest!r}")
+    return tuple(found.items())
+
+
+def find_record(case: Case, statement: Statement) -> Found:
+    """The record that a statement names.
+
+    Raises
+    ------
+    OptionError
+        There is none, or there are several; names what is there.
+    """
+    if statement.kind == _BRANCH:
+        position, _ = find_branch(case, statement.place, statement.name)
+        return Found("branches", position, case.branches[position])
+    bus, identifier = _at_bus(statement)
+    table = "devices" if statement.is_device else KINDS[statement.kind][0]
+    rows = [
+        Found(table, k, record)
+        for k, record in enumerate(getattr(case, table))
+        if not statement.is_device or record.model == statement.kind
+    ]
+    at_bus = [row for row in rows if _bus_of(row.record) == bus]
+    found = [row for row in at_bus if identifier in (None, getattr(row.record, "id", None))]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        listed = ", ".join(f"{bus}:{getattr(row.record, 'id', '')}" for row in found)
+        raise OptionError(f"{statement.name}: say which, one of {listed}")
+    raise OptionError(f"there is no {statement.name}; {_there(case, statement, bus, at_bus, rows)}")
+
+
+def _at_bus(statement: Statement) -> tuple[int, str | None]:
+    match = _AT_BUS.fullmatch(statement.place)
+    if match is None or (statement.kind == _BUS and match[2]):
+        form = "BUS" if statement.kind == _BUS else "BUS:ID"
+        raise OptionError(f"a {statement.kind} is named by {form}, not by {statement.place!r}")
+    return int(match[1]), match[2]
+
+
+def _bus_of(record: Any) -> int:
+    return int(record.number if isinstance(record, Bus) else record.bus)
+
+
+def _there(
+    case: Case, statement: Statement, bus: int, at_bus: Sequence[Found], rows: Sequence[Found]
+) -> str:
+    """What is at the place of a record that is not there, or the nearest one."""
+    if at_bus:
+        return f"at the bus: {', '.join(str(row.record) for row in at_bus)}"
+    if statement.is_device:
+        own = [record for record in case.devices if record.bus == bus]
+        if own:
+            return f"at the bus: {', '.join(f'{r.model.upper()} {r.key}' for r in own)}"
+    near = min(rows, key=lambda row: abs(_bus_of(row.record) - bus), default=None)
+    what = f"case {case.name} has none" if near is None else f"the nearest is {near.record}"
+    return what if bus in case.bus_index else f"there is no bus {bus}; {what}"
+
+
+def new_record(statement: Statement, devices: Mapping[str, Device]) -> Record:
+    """The record that a statement describes, with defaults for what it does not say.
+
+    Raises
+    ------
+    OptionError
+        A name or a value means nothing.
+    """
+    if statement.kind == _BRANCH:
+        match = _ENDS.fullmatch(statement.place)
+        if match is None:
+            raise OptionError(f"a branch is named FROM-TO:CIRCUIT, not {statement.place!r}")
+        record: Record = Branch(int(match[1]), int(match[2]), match[3] or "1")
+    else:
+        bus, identifier = _at_bus(statement)
+        kind = KINDS.get(statement.kind, ("", DeviceRecord))[1]
+        if kind is Bus:
+            record = Bus(bus)
+        elif kind is DeviceRecord:
+            record = DeviceRecord(statement.kind, bus, identifier or "1")
+        else:
+            record = kind(bus, identifier or "1")
+    return with_values(record, statement.values, devices)
+
+
+def with_values(
+    record: Record, values: Sequence[tuple[str, str]], devices: Mapping[str, Device]
+) -> Record:
+    """The record with other values.
+
+    Raises
+    ------
+    OptionError
+        It has no such value, or the text is none of its type: all of them.
+    """
+    from dataclasses import replace
+
+    faults: list[str] = []
+    given: dict[str, Any] = {}
+    for name, text in values:
+        try:
+            field, value = _value(record, name, text, devices)
+        except (OptionError, ValueError) as error:
+            faults.append(f"{record}: {name}: {error}")
+            continue
+        if field in given:
+            faults.append(f"{record}: {name} is {field}, which is given already")
+        given[field] = value
+    if faults:
+        raise OptionError("; ".join(faults))
+    if isinstance(record, DeviceRecord):
+        return replace(record, parameters={**record.parameters, **given})
+    return replace(record, **given)
+
+
+def _value(
+    record: Record, name: str, text: str, devices: Mapping[str, Device]
+) -> tuple[str, Any]:
+    if isinstance(record, DeviceRecord):
+        field = parameter_name(devices[record.model], name)
+        return field, parse_cell(text, float)
+    field = field_name(type(record), name)
+    if field in KEYS:
+        raise OptionError("it names the record; add another one instead")
+    return field, parse_cell(text, typing.get_type_hints(type(record))[field])
+
+
+def field_name(kind: type, name: str) -> str:
+    """The field of a record of the network that a name or a symbol stands for."""
+    names = [item.name for item in fields(kind)]
+    symbols = SYMBOLS[kind]
+    if name.lower() in names:
+        return name.lower()
+    if name.upper() in symbols:
+        return symbols[name.upper()]
+    settable = [known for known in names if known not in KEYS]
+    raise OptionError(f"there is no such value; {suggest(name, [*settable, *symbols])}")
+
+
+def parameter_name(device: Device, name: str) -> str:
+    """The parameter of a device model that a name or a symbol stands for."""
+    symbols = {parameter.name: parameter.symbol for parameter in device.parameters}
+    if name.lower() in symbols:
+        return name.lower()
+    for look in (str, _plain):
+        found = [own for own, symbol in symbols.items() if look(symbol) == look(name)]
+        if len(found) == 1:
+            return found[0]
+    if found:
+        listed = " or ".join(f"{symbols[own]} ({own})" for own in found)
+        raise OptionError(f"say which: {listed}")
+    if not symbols:
+        raise OptionError(f"{device.model.upper()} has no parameters")
+    known = [f"{symbol} ({own})" for own, symbol in symbols.items()]
+    close = suggest(name, [*symbols, *symbols.values()])
+    hint = close if close.startswith("did") else f"known: {', '.join(known)}"
+    raise OptionError(f"{device.model.upper()} has no such parameter; {hint}")
+
+
+def _plain(symbol: str) -> str:
+    """A symbol without what people write in several ways: capitals, primes, T'do for T'd0."""
+    return symbol.translate(_PRIMES).casefold().replace("o", "0")
