@@ -1,13 +1,14 @@
-"""From device records of a case to PSS/E dynamics data, the way back of :mod:`gridfold.dynamics.psse_records`.
+"""From device records of a case to PSS/E dynamics data.
 
-The classical machine and the infinite bus are GENCLS, whose impedance stands in the network as ZSORCE;
-so does the stator resistance of GENROU and its like.
+The way back is :mod:`gridfold.dynamics.psse_records`. The classical machine and the infinite bus are
+GENCLS, whose impedance stands in the network as ZSORCE; so does the stator resistance of GENROU and
+its like.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gridfold.dynamics.device import Device
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
@@ -21,20 +22,20 @@ _NO_RECORD = "no model of PSS/E"
 
 @dataclass(frozen=True)
 class PsseData:
-    """Records for a DYR file, and what belongs into the network.
+    """Records for a DYR file, and the network that goes with them.
 
     Parameters
     ----------
     data : DynamicData
         The records.
-    impedances : mapping of UnitKey to complex
-        ZSORCE of units whose machines say it, in per unit of the unit.
+    network : Case
+        The case with ZSORCE of its units as their machines say it.
     lost : tuple of (str, str)
         What the records cannot hold, and of which device.
     """
 
     data: DynamicData
-    impedances: Mapping[UnitKey, complex]
+    network: Case
     lost: tuple[tuple[str, str], ...] = ()
 
 
@@ -74,7 +75,17 @@ def psse_data(case: Case, devices: Mapping[str, Device] = DEVICES) -> PsseData:
                 for name in device.psse_record
             ]
             records.append(_record(record.model, record, values))
-    return PsseData(DynamicData(case.name, tuple(records)), impedances, tuple(lost))
+    network = _with_impedances(case, impedances)
+    return PsseData(DynamicData(case.name, tuple(records)), network, tuple(lost))
+
+
+def _with_impedances(case: Case, impedances: Mapping[UnitKey, complex]) -> Case:
+    """The case with these ZSORCE, in per unit of the unit."""
+    units = []
+    for unit in case.generators:
+        own = impedances.get(unit.key, complex(unit.source_resistance, unit.source_reactance))
+        units.append(replace(unit, source_resistance=own.real, source_reactance=own.imag))
+    return replace(case, generators=tuple(units))
 
 
 def _given(record: DeviceRecord, devices: Mapping[str, Device], name: str) -> float:

@@ -1,7 +1,7 @@
-"""Cases as a person edits them: tables to look at, edits that give a new checked case, files to keep it."""
+"""Cases as a person edits them: tables, edits that give a new checked case, files to keep it."""
 
-from gridfold.editing.edits import EDITS, Add, Edit, Remove, ScaleLoad, Set, Switch
 from gridfold.editing.editor import CaseEditor, apply_edits
+from gridfold.editing.edits import EDITS, Add, Edit, Remove, ScaleLoad, Set, Switch
 from gridfold.editing.frames import case_frame
 from gridfold.editing.saving import save_case
 

@@ -17,9 +17,7 @@ from gridfold.grid.validation import validate_case
 Places = str | int
 
 
-def apply_edits(
-    case: Case, edits: Sequence[Edit], devices: Mapping[str, Device] = DEVICES
-) -> Case:
+def apply_edits(case: Case, edits: Sequence[Edit], devices: Mapping[str, Device] = DEVICES) -> Case:
     """The case with edits, one after another, checked as a whole.
 
     `Case.notices` of the new case tell what was done.
@@ -98,7 +96,7 @@ class CaseEditor:
         areas: Places = "",
         zones: Places = "",
     ) -> CaseEditor:
-        """Loads in service times `factor`, or to `active_mw` together; everywhere if no place is named."""
+        """Loads in service times `factor`, or to `active_mw` together; without a place, all of them."""
         return self.then(ScaleLoad(factor, active_mw, str(buses), str(areas), str(zones)))
 
     def set(self, *records: str) -> CaseEditor:

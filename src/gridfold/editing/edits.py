@@ -1,7 +1,7 @@
 """Edits of a case as small records.
 
-An edit says what becomes of a case: ``apply(case, devices)`` gives the changed one and what was done, in
-words. To add one, write a frozen dataclass with that method and put it into :data:`EDITS`.
+An edit says what becomes of a case: ``apply(case, devices)`` gives the changed one and what was done,
+in words. To add one, write a frozen dataclass with that method and put it into :data:`EDITS`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from gridfold.dynamics.device import Device
 from gridfold.editing.names import KINDS, find_record, new_record, parse_statement, with_values
 from gridfold.errors import OptionError
-from gridfold.grid.case import Case, DeviceRecord, Load, Record, number_fields
+from gridfold.grid.case import Bus, Case, DeviceRecord, Load, Record
 from gridfold.grid.event_checks import chosen_buses, place_text
 from gridfold.grid.redispatch import Redispatch
 
@@ -157,11 +157,11 @@ class Switch:
             if statement.values:
                 raise OptionError(f"{statement.name}: only set and add give values")
             found = find_record(case, statement)
-            if not hasattr(found.record, "in_service"):
+            if isinstance(found.record, Bus | DeviceRecord):
                 raise OptionError(
                     f"{found.record} cannot be switched; branches, generators, loads and shunts can"
                 )
-            after: Any = replace(found.record, in_service=_STATES[self.state])  # type: ignore[call-arg]
+            after = replace(found.record, in_service=_STATES[self.state])
             case = _put(case, found.table, found.position, after)
             names.append(str(after))
         return Edited(case, f"{', '.join(names)} {self.state}", tuple(names))
@@ -191,8 +191,7 @@ class Add:
         rows = getattr(case, table)
         if any(str(row) == str(record) for row in rows):
             raise OptionError(f"{record} is there already")
-        after = replace(case, **{table: (*rows, record)})
-        return Edited(after, f"{record} added", (str(record),))
+        return Edited(_with_table(case, table, (*rows, record)), f"{record} added", (str(record),))
 
 
 @dataclass(frozen=True)
@@ -215,7 +214,7 @@ class Remove:
         found = find_record(case, statement)
         rows = getattr(case, found.table)
         kept = rows[: found.position] + rows[found.position + 1 :]
-        return Edited(replace(case, **{found.table: kept}), f"{found.record} removed", ())
+        return Edited(_with_table(case, found.table, kept), f"{found.record} removed", ())
 
 
 @dataclass(frozen=True)
@@ -250,7 +249,11 @@ def _scaled(load: Load, factor: float) -> Load:
 def _put(case: Case, table: str, position: int, record: Record) -> Case:
     """The case with another record at a position of a table."""
     rows: Sequence[Record] = getattr(case, table)
-    changed: dict[str, Any] = {table: (*rows[:position], record, *rows[position + 1 :])}
+    return _with_table(case, table, (*rows[:position], record, *rows[position + 1 :]))
+
+
+def _with_table(case: Case, table: str, rows: tuple[Record, ...]) -> Case:
+    changed: dict[str, Any] = {table: rows}
     return replace(case, **changed)
 
 
@@ -267,7 +270,7 @@ def _differences(before: Record, after: Record) -> list[str]:
 def _values(record: Record) -> dict[str, Any]:
     if isinstance(record, DeviceRecord):
         return dict(record.parameters)
-    return vars(record) | number_fields(record)
+    return vars(record)
 
 
 def _text(value: Any) -> str:

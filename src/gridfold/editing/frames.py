@@ -52,7 +52,9 @@ def case_frame(case: Case, table: str) -> pd.DataFrame:
         units = {column: known[column][1] for column in columns if column in known}
     else:
         known_tables = [*_TABLES, _DEVICES, *(model.upper() for model in models)]
-        raise OptionError(f"case {case.name} has no table {table!r}; {suggest(table, known_tables)}")
+        raise OptionError(
+            f"case {case.name} has no table {table!r}; {suggest(table, known_tables)}"
+        )
     frame = pd.DataFrame(rows, columns=columns)
     frame.attrs["units"] = units
     return frame

@@ -1,8 +1,9 @@
 """Records and their values by name, as a person writes them: ``GENROU 101:1 H=4``.
 
-A record is named by a word and a place: ``bus 101``, ``load 101:1``, ``shunt 101:1``, ``generator 101:1``,
-``branch 101-103:1``, or a device by its model, ``GENROU 101:1``. The id and the circuit may be left out
-where there is one alone. A value is named as in gridfold's tables or by its symbol in PSS/E.
+A record is named by a word and a place: ``bus 101``, ``load 101:1``, ``shunt 101:1``,
+``generator 101:1``, ``branch 101-103:1``, or a device by its model, ``GENROU 101:1``. The id and the
+circuit may be left out where there is one alone. A value is named as in gridfold's tables or by its
+symbol in PSS/E (:mod:`gridfold.editing.symbols`).
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 import re
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from gridfold.dynamics.device import Device
+from gridfold.editing.symbols import KEYS, field_name, parameter_name
 from gridfold.errors import OptionError
 from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Record, Shunt
 from gridfold.grid.event_checks import find_branch
@@ -35,58 +37,12 @@ _SYNONYMS = {
     "machine": _GENERATOR,
     "unit": _GENERATOR,
 }
-#: Symbols of PSS/E's records, for the fields that mean the same.
-SYMBOLS: Mapping[type, Mapping[str, str]] = {
-    Bus: {
-        "NAME": "name",
-        "BASKV": "base_kv",
-        "VM": "voltage_pu",
-        "VA": "angle_deg",
-    },
-    Branch: {
-        "R": "resistance",
-        "X": "reactance",
-        "B": "susceptance",
-        "R1-2": "resistance",
-        "X1-2": "reactance",
-        "WINDV1": "ratio",
-        "ANG1": "shift_deg",
-        "ST": "in_service",
-        "STAT": "in_service",
-        "GI": "from_conductance",
-        "BI": "from_susceptance",
-        "GJ": "to_conductance",
-        "BJ": "to_susceptance",
-        "MAG1": "from_conductance",
-        "MAG2": "from_susceptance",
-    },
-    Generator: {
-        "PG": "active_mw",
-        "QG": "reactive_mvar",
-        "VS": "voltage_pu",
-        "MBASE": "base_mva",
-        "STAT": "in_service",
-        "ZR": "source_resistance",
-        "ZX": "source_reactance",
-    },
-    Load: {
-        "PL": "active_mw",
-        "QL": "reactive_mvar",
-        "STATUS": "in_service",
-        "IP": "current_active_mw",
-        "IQ": "current_reactive_mvar",
-        "YP": "impedance_active_mw",
-    },
-    Shunt: {"GL": "conductance_mw", "BL": "susceptance_mvar", "STATUS": "in_service"},
-}
-#: Fields that name a record.
-KEYS = frozenset({"number", "bus", "id", "from_bus", "to_bus", "circuit"})
 _STATEMENT = re.compile(r"\s*(\S+)\s+([^\s=]+)(?:\s+(.*?))?\s*", re.DOTALL)
-_ASSIGNMENT = re.compile(r"""[\s,]*([^\s=]+?)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s,=]+))(?=[\s,]|$)""")
+_ASSIGNMENT = re.compile(
+    r"""[\s,]*([^\s=]+?)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s,=]+))(?=[\s,]|$)"""
+)
 _AT_BUS = re.compile(r"([0-9]{1,18})(?::(\S+))?")
 _ENDS = re.compile(r"([0-9]{1,18})-([0-9]{1,18})(?::(\S+))?")
-#: Other ways to write the primes of a symbol.
-_PRIMES = str.maketrans({"’": "'", "′": "'", '"': "''", "″": "''", "”": "''"})
 
 
 @dataclass(frozen=True)
@@ -253,8 +209,6 @@ def with_values(
     OptionError
         It has no such value, or the text is none of its type: all of them.
     """
-    from dataclasses import replace
-
     faults: list[str] = []
     given: dict[str, Any] = {}
     for name, text in values:
@@ -273,9 +227,7 @@ def with_values(
     return replace(record, **given)
 
 
-def _value(
-    record: Record, name: str, text: str, devices: Mapping[str, Device]
-) -> tuple[str, Any]:
+def _value(record: Record, name: str, text: str, devices: Mapping[str, Device]) -> tuple[str, Any]:
     if isinstance(record, DeviceRecord):
         field = parameter_name(devices[record.model], name)
         return field, parse_cell(text, float)
@@ -283,40 +235,3 @@ def _value(
     if field in KEYS:
         raise OptionError("it names the record; add another one instead")
     return field, parse_cell(text, typing.get_type_hints(type(record))[field])
-
-
-def field_name(kind: type, name: str) -> str:
-    """The field of a record of the network that a name or a symbol stands for."""
-    names = [item.name for item in fields(kind)]
-    symbols = SYMBOLS[kind]
-    if name.lower() in names:
-        return name.lower()
-    if name.upper() in symbols:
-        return symbols[name.upper()]
-    settable = [known for known in names if known not in KEYS]
-    raise OptionError(f"there is no such value; {suggest(name, [*settable, *symbols])}")
-
-
-def parameter_name(device: Device, name: str) -> str:
-    """The parameter of a device model that a name or a symbol stands for."""
-    symbols = {parameter.name: parameter.symbol for parameter in device.parameters}
-    if name.lower() in symbols:
-        return name.lower()
-    for look in (str, _plain):
-        found = [own for own, symbol in symbols.items() if look(symbol) == look(name)]
-        if len(found) == 1:
-            return found[0]
-    if found:
-        listed = " or ".join(f"{symbols[own]} ({own})" for own in found)
-        raise OptionError(f"say which: {listed}")
-    if not symbols:
-        raise OptionError(f"{device.model.upper()} has no parameters")
-    known = [f"{symbol} ({own})" for own, symbol in symbols.items()]
-    close = suggest(name, [*symbols, *symbols.values()])
-    hint = close if close.startswith("did") else f"known: {', '.join(known)}"
-    raise OptionError(f"{device.model.upper()} has no such parameter; {hint}")
-
-
-def _plain(symbol: str) -> str:
-    """A symbol without what people write in several ways: capitals, primes, T'do for T'd0."""
-    return symbol.translate(_PRIMES).casefold().replace("o", "0")

@@ -313,8 +313,8 @@ class Case(Card):
         Parameters
         ----------
         table : str
-            ``"buses"``, ``"branches"``, ``"generators"``, ``"loads"`` or ``"shunts"``; ``"devices"``, a row
-            for each parameter; or a device model such as ``"GENROU"``, a row for each unit.
+            ``"buses"``, ``"branches"``, ``"generators"``, ``"loads"`` or ``"shunts"``; ``"devices"``, a
+            row for each parameter; or a device model such as ``"GENROU"``, a row for each unit.
 
         Returns
         -------

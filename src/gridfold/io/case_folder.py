@@ -7,7 +7,7 @@ replace those of the base case that have the same key, and add to the rest.
 from __future__ import annotations
 
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,8 +49,6 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "notices": (list,),
     "replacements": (list,),
 }
-_NAMES = ("area_names", "zone_names", "owner_names")
-_LISTS = ("unsupported", "unplaced", "notices")
 _DEPTH_LIMIT = 8
 
 
@@ -165,32 +163,42 @@ def _read_settings(path: Path) -> dict[str, Any]:
             faults.append(f"unknown setting {name!r}; {suggest(name, list(_SETTINGS))}")
         elif not isinstance(value, _SETTINGS[name]) or isinstance(value, bool):
             faults.append(f"{name}: {value!r} has the wrong type")
-    for key in _NAMES:
-        if isinstance(settings.get(key), dict):
+    for key, converted in _CONVERTED.items():
+        if isinstance(settings.get(key), _SETTINGS[key]):
             try:
-                settings[key] = {int(number): str(name) for number, name in settings[key].items()}
-            except ValueError as error:
+                settings[key] = converted(settings[key])
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
                 faults.append(f"{key}: {error}")
-    for key in _LISTS:
-        if isinstance(settings.get(key), list):
-            settings[key] = tuple(settings[key])
-            if not all(isinstance(text, str) for text in settings[key]):
-                faults.append(f"{key}: it is a list of texts")
-    if isinstance(settings.get("replacements"), list):
-        try:
-            settings["replacements"] = tuple(map(_replacement, settings["replacements"]))
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            faults.append(f"replacements: {error}")
     if faults:
         raise CaseFileError(faults, str(path))
     return settings
 
 
-def _replacement(table: Mapping[str, Any]) -> Replacement:
-    """What became of a model in another file, as a case that was saved tells it."""
-    units = [unit.partition(":") for unit in table["units"]]
-    keys = tuple(UnitKey(int(bus), identifier) for bus, _, identifier in units)
-    return Replacement(**{**table, "units": keys})
+def _names(table: Mapping[str, Any]) -> dict[int, str]:
+    return {int(number): str(name) for number, name in table.items()}
+
+
+def _texts(values: Sequence[Any]) -> tuple[str, ...]:
+    if strange := [value for value in values if not isinstance(value, str)]:
+        raise TypeError(f"{strange[0]!r} is no text")
+    return tuple(values)
+
+
+def _replacements(tables: Sequence[Mapping[str, Any]]) -> tuple[Replacement, ...]:
+    """What became of models in another file, as a case that was saved tells it."""
+    found = []
+    for table in tables:
+        units = [unit.partition(":") for unit in table["units"]]
+        keys = tuple(UnitKey(int(bus), identifier) for bus, _, identifier in units)
+        found.append(Replacement(**{**table, "units": keys}))
+    return tuple(found)
+
+
+_CONVERTED: Mapping[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("area_names", "zone_names", "owner_names"), _names),
+    **dict.fromkeys(("unsupported", "unplaced", "notices"), _texts),
+    "replacements": _replacements,
+}
 
 
 def _merge(base: tuple[Any, ...], records: list[Any]) -> tuple[Any, ...]:

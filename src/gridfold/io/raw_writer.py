@@ -1,23 +1,23 @@
 """Write the network of a case as a RAW file of PSS/E, revision 33.
 
-Numbers are written so that they are read back as they are. A branch with a ratio, a shift, or between two
-voltage levels is a transformer, in per unit of its buses (CW, CZ, CM = 1). A unit that holds a voltage
-holds the stored one of its bus. Layouts are those of the PSS/E Program Operation Manual, chapter on the
-power flow raw data file; ratings of branches, limits of units and remote control are no part of a case,
-and stand at the manual's defaults.
+Numbers are written so that they are read back as they are. A branch with a ratio, a shift, or between
+two voltage levels is a transformer, in per unit of its buses (CW, CZ, CM = 1). A unit that holds a
+voltage holds the stored one of its bus. Layouts are those of the PSS/E Program Operation Manual, chapter
+on the power flow raw data file; ratings of branches, limits of units and remote control are no part of
+a case, and stand at the manual's defaults.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Load, Shunt
 from gridfold.grid.energy_source import EnergySource
 from gridfold.io.lost import Lost
-from gridfold.io.raw_fields import split_fields
+from gridfold.io.raw_text import Texts, flag, real, reals, title
 
 _SECTIONS = (
     "BUS",
@@ -39,15 +39,16 @@ _SECTIONS = (
     "SWITCHED SHUNT",
     "GNE",
 )
-#: Letters of a name, of an id and of a title that PSS/E reads.
-_NAME, _ID, _TITLE = 12, 2, 60
+#: Difference that rounding may make, of voltages in per unit and of proportions.
+_ROUNDING = 1e-9
 _NO_LIMIT = "9999.0,-9999.0"
 _OWNERS = ",".join(["1,1.0", *["0,1.0"] * 3])
 #: Parts of a case that a RAW file holds, or that no result depends on.
-_HELD = frozenset(
-    "name buses branches generators loads shunts devices base_mva frequency_hz description area_names "
-    "zone_names owner_names origins notices doubts file_counts left_out".split()
-)
+_HELD = {
+    *("name", "description", "base_mva", "frequency_hz", "area_names", "zone_names", "owner_names"),
+    *("buses", "branches", "generators", "loads", "shunts", "devices"),
+    *("origins", "notices", "doubts", "file_counts", "left_out"),
+}
 _TOLD = {
     "unsupported": "what the file of the case had and gridfold has no model for",
     "replacements": "dynamic data that were replaced: the file holds what stands for them",
@@ -64,7 +65,11 @@ def raw_text(case: Case) -> tuple[str, tuple[str, ...]]:
 class _Writer:
     case: Case
     lost: Lost = field(default_factory=Lost)
+    texts: Texts = field(init=False)
     units: dict[int, list[Generator]] = field(default_factory=lambda: defaultdict(list))
+
+    def __post_init__(self) -> None:
+        self.texts = Texts(self.lost)
 
     def write(self) -> tuple[str, tuple[str, ...]]:
         for unit in self.case.generators:
@@ -76,20 +81,18 @@ class _Writer:
             "BUS": (self._bus(bus) for bus in self.case.buses),
             "LOAD": (self._load(load) for load in self.case.loads),
             "FIXED SHUNT": (self._shunt(shunt) for shunt in (*self.case.shunts, *charging)),
-            "GENERATOR": (
-                line for bus in self.case.buses for line in self._generators(bus.number)
-            ),
+            "GENERATOR": (line for bus in self.case.buses for line in self._generators(bus.number)),
             "BRANCH": (self._line(branch) for branch in lines),
             "TRANSFORMER": (line for branch in transformers for line in self._transformer(branch)),
             "AREA": (
-                f"{number},0,0.0,10.0,{self._quoted(name, _NAME, f'area {number}')}"
+                f"{number},0,0.0,10.0,{self.texts.name(name, f'area {number}')}"
                 for number, name in self.case.area_names.items()
             ),
             "ZONE": self._names(self.case.zone_names, "zone"),
             "OWNER": self._names(self.case.owner_names, "owner"),
         }
-        text = [f"0,{_real(self.case.base_mva)},33,0,0,{_real(self.case.frequency_hz)}"]
-        text += [self._title(self.case.name), self._title(self.case.description)]
+        text = [f"0,{real(self.case.base_mva)},33,0,0,{real(self.case.frequency_hz)}"]
+        text += [title(self.case.name), title(self.case.description)]
         for section, following in zip(_SECTIONS, (*_SECTIONS[1:], ""), strict=True):
             begin = f", BEGIN {following} DATA" if following else ""
             text += [*records.get(section, ()), f"0 / END OF {section} DATA{begin}"]
@@ -103,12 +106,12 @@ class _Writer:
             self.lost.add("latitude and longitude", bus)
         held = {unit.voltage_pu for unit in self._regulating(bus.number)}
         voltage = held.pop() if held else bus.voltage_pu
-        if voltage != bus.voltage_pu:
+        if abs(voltage - bus.voltage_pu) > _ROUNDING:
             self.lost.add("stored voltages where a unit holds another one, which is written", bus)
-        name = self._quoted(bus.name, _NAME, bus)
-        head = f"{bus.number},{name},{_real(bus.base_kv)},{self._bus_type(bus.number)}"
+        name = self.texts.name(bus.name, bus)
+        head = f"{bus.number},{name},{real(bus.base_kv)},{self._bus_type(bus.number)}"
         place = f"{bus.area},{bus.zone},{bus.owner}"
-        return f"{head},{place},{_real(voltage)},{_real(bus.angle_deg)}"
+        return f"{head},{place},{real(voltage)},{real(bus.angle_deg)}"
 
     def _regulating(self, bus: int) -> list[Generator]:
         """Units in service that hold the voltage."""
@@ -131,12 +134,14 @@ class _Writer:
             load.impedance_active_mw,
             -load.impedance_reactive_mvar,
         )
-        head = f"{load.bus},{self._id(load.id, load)},{_flag(load)},{bus.area},{bus.zone}"
-        return f"{head},{_reals(*powers)},1,1,0"
+        head = (
+            f"{load.bus},{self.texts.identifier(load.id, load)},{flag(load)},{bus.area},{bus.zone}"
+        )
+        return f"{head},{reals(*powers)},1,1,0"
 
     def _shunt(self, shunt: Shunt) -> str:
-        values = _reals(shunt.conductance_mw, shunt.susceptance_mvar)
-        return f"{shunt.bus},{self._id(shunt.id, shunt)},{_flag(shunt)},{values}"
+        values = reals(shunt.conductance_mw, shunt.susceptance_mvar)
+        return f"{shunt.bus},{self.texts.identifier(shunt.id, shunt)},{flag(shunt)},{values}"
 
     def _generators(self, bus: int) -> Iterator[str]:
         units = self.units[bus]
@@ -145,13 +150,15 @@ class _Writer:
         largest = max(live, key=lambda unit: unit.base_mva, default=None)
         for unit in units:
             if unit.control is Control.SLACK and unit in live and unit is not largest:
-                self.lost.add("of several units at a slack bus the largest balances, not", unit)
+                self.lost.add(
+                    "which units balance at a slack bus, where not the largest alone", unit
+                )
             if unit.source not in (EnergySource.UNKNOWN, EnergySource.WIND):
                 self.lost.add("what drives a unit, other than wind", unit)
             yield self._generator(unit, reactive.get(unit.id, unit.reactive_mvar))
 
     def _reactive(self, live: Sequence[Generator]) -> dict[str, float]:
-        """Reactive powers by id, of which units that share a bus take their parts when they are read."""
+        """Reactive powers by id, where the stored ones do not tell the parts that units take."""
         sharing = [unit for unit in live if unit.control is not Control.POWER]
         if len(sharing) < 2:
             return {}
@@ -169,16 +176,17 @@ class _Writer:
         holds_power = unit.control is Control.POWER
         if holds_power and unit.in_service:
             self.lost.add(
-                "units that hold their reactive power: limits hold it in PSS/E, gridfold reads a held "
-                "voltage",
+                "units that hold their reactive power: PSS/E holds it by limits, gridfold reads units "
+                "that hold the stored voltage",
                 unit,
             )
-        limits = _reals(reactive, reactive) if holds_power else _NO_LIMIT
-        head = f"{unit.bus},{self._id(unit.id, unit)},{_reals(unit.active_mw, reactive)},{limits}"
-        source = _reals(unit.source_resistance, unit.source_reactance)
-        machine = f"{_real(unit.voltage_pu)},0,{_real(unit.base_mva)},{source},0.0,0.0,1.0"
+        limits = reals(reactive, reactive) if holds_power else _NO_LIMIT
+        powers = reals(unit.active_mw, reactive)
+        head = f"{unit.bus},{self.texts.identifier(unit.id, unit)},{powers},{limits}"
+        source = reals(unit.source_resistance, unit.source_reactance)
+        machine = f"{real(unit.voltage_pu)},0,{real(unit.base_mva)},{source},0.0,0.0,1.0"
         wind = int(unit.source is EnergySource.WIND)
-        return f"{head},{machine},{_flag(unit)},100.0,{_NO_LIMIT},{_OWNERS},{wind},1.0"
+        return f"{head},{machine},{flag(unit)},100.0,{_NO_LIMIT},{_OWNERS},{wind},1.0"
 
     def _is_transformer(self, branch: Branch) -> bool:
         if branch.ratio != 1 or branch.shift_deg != 0:
@@ -190,23 +198,25 @@ class _Writer:
         return plain and first.base_kv != second.base_kv
 
     def _line(self, branch: Branch) -> str:
-        head = f"{branch.from_bus},{branch.to_bus},{self._id(branch.circuit, branch)}"
-        series = _reals(branch.resistance, branch.reactance, branch.susceptance)
-        ends = _reals(
+        head = f"{branch.from_bus},{branch.to_bus},{self.texts.identifier(branch.circuit, branch)}"
+        series = reals(branch.resistance, branch.reactance, branch.susceptance)
+        ends = reals(
             branch.from_conductance,
             branch.from_susceptance,
             branch.to_conductance,
             branch.to_susceptance,
         )
-        return f"{head},{series},0.0,0.0,0.0,{ends},{_flag(branch)},1,0.0,1,1.0"
+        return f"{head},{series},0.0,0.0,0.0,{ends},{flag(branch)},1,0.0,1,1.0"
 
     def _transformer(self, branch: Branch) -> Iterator[str]:
         at_from = complex(branch.from_conductance, branch.from_susceptance)
         at_from += 0.5j * branch.susceptance / branch.ratio**2
-        head = f"{branch.from_bus},{branch.to_bus},0,{self._id(branch.circuit, branch)}"
-        yield f"{head},1,1,1,{_reals(at_from.real, at_from.imag)},2,'',{_flag(branch)},1,1.0"
-        yield f"{_reals(branch.resistance, branch.reactance)},{_real(self.case.base_mva)}"
-        yield f"{_real(branch.ratio)},0.0,{_real(branch.shift_deg)},0.0,0.0,0.0,0,0"
+        head = (
+            f"{branch.from_bus},{branch.to_bus},0,{self.texts.identifier(branch.circuit, branch)}"
+        )
+        yield f"{head},1,1,1,{reals(at_from.real, at_from.imag)},2,'',{flag(branch)},1,1.0"
+        yield f"{reals(branch.resistance, branch.reactance)},{real(self.case.base_mva)}"
+        yield f"{real(branch.ratio)},0.0,{real(branch.shift_deg)},0.0,0.0,0.0,0,0"
         yield "1.0,0.0"
 
     def _charging(self, transformers: Sequence[Branch]) -> Iterator[Shunt]:
@@ -230,33 +240,7 @@ class _Writer:
 
     def _names(self, names: Mapping[int, str], what: str) -> Iterator[str]:
         for number, name in names.items():
-            yield f"{number},{self._quoted(name, _NAME, f'{what} {number}')}"
-
-    # Texts.
-
-    def _quoted(self, text: str, length: int, record: Any) -> str:
-        held = " ".join(text.split())
-        if len(held) > length:
-            self.lost.add(f"letters of names beyond {length}", record)
-            held = held[:length].rstrip()
-        written = f"'{held}'"
-        try:
-            (found, _) = split_fields(f"{written},1")
-            sound = found.text == held
-        except ValueError:
-            sound = False
-        if not sound:
-            self.lost.add("quotes in names", record)
-            written = "'" + held.replace("'", " ") + "'"
-        return written
-
-    def _id(self, text: str, record: Any) -> str:
-        if len(text) > _ID:
-            self.lost.add(f"ids of more than {_ID} letters, which PSS/E cuts", record)
-        return f"'{text}'"
-
-    def _title(self, text: str) -> str:
-        return " ".join(text.split())[:_TITLE]
+            yield f"{number},{self.texts.name(name, f'{what} {number}')}"
 
     def _other_parts(self) -> None:
         """What the case has besides: a part that this writer does not know is told by its name."""
@@ -265,39 +249,12 @@ class _Writer:
                 self.lost.add(_TOLD.get(item.name, item.name.replace("_", " ")))
 
 
-def _flag(record: Any) -> int:
-    return int(record.in_service)
-
-
-def _real(value: float) -> str:
-    return repr(float(value))
-
-
-def _reals(*values: float) -> str:
-    return ",".join(map(_real, values))
-
-
 def _alike(first: Any, second: Sequence[float]) -> bool:
     """Whether numbers are in the same proportions."""
     ratios = [a / b for a, b in zip(first, second, strict=True)]
-    return max(ratios) - min(ratios) <= 1e-12 * max(map(abs, ratios))
+    return bool(max(ratios) - min(ratios) <= _ROUNDING * max(ratios))
 
 
 def _free_id(taken: Collection[str]) -> str:
     """The first of T1, T2 ... that is not taken."""
     return next(name for k in range(1, len(taken) + 2) if (name := f"T{k}") not in taken)
-
-
-def with_source_impedances(case: Case, impedances: Mapping[Any, complex]) -> Case:
-    """The case with ZSORCE of some units, which RAW files hold in place of their dynamic data."""
-    units = tuple(
-        replace(
-            unit,
-            source_resistance=impedances[unit.key].real,
-            source_reactance=impedances[unit.key].imag,
-        )
-        if unit.key in impedances
-        else unit
-        for unit in case.generators
-    )
-    return replace(case, generators=units)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -14,6 +14,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
+from gridfold.editing import Edit, apply_edits
 from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.dynamic_records import DynamicData
@@ -78,6 +79,7 @@ def load_case(
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
     solve: Solve | str = Solve.STORED,
+    edits: Sequence[Edit] = (),
     strict: bool = False,
     devices: Devices = DEVICES,
 ) -> Case:
@@ -106,6 +108,8 @@ def load_case(
         Keep the stored operating point, in which units hold the stored voltage of their bus; or find
         that of the file's set points, reactive limits and switched shunts
         (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
+    edits : sequence of Edit
+        What is changed, such as :func:`gridfold.load_edits` gives it.
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
     devices : Device, iterable of Device, or mapping
@@ -143,6 +147,7 @@ def load_case(
             solve=wanted,
             devices=models,
         ).case
+    case = apply_edits(case, edits)
     if strict:
         with telling_own_errors(models.values()):
             refuse_doubtful_case(case, models)
