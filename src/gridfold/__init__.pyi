@@ -4,6 +4,8 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.editing.edit_files import load_edits
+from gridfold.editing.editor import CaseEditor, apply_edits
 from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.calibrate import calibrate
 from gridfold.equivalents.compare import Comparison, compare
@@ -31,6 +33,7 @@ from gridfold.errors import (
     OptionError,
     OutputError,
     PowerFlowError,
+    SaveWarning,
     StepWarning,
     TimeLimitError,
 )

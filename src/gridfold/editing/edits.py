@@ -14,8 +14,9 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from gridfold.dynamics.device import Device
 from gridfold.editing.names import KINDS, find_record, new_record, parse_statement, with_values
 from gridfold.errors import OptionError
-from gridfold.grid.case import Bus, Case, DeviceRecord, Load, Record
+from gridfold.grid.case import Bus, Case, DeviceRecord, Generator, Load, Record, Shunt
 from gridfold.grid.event_checks import chosen_buses, place_text
+from gridfold.grid.flow_controls import ShuntControl, UnitControl
 from gridfold.grid.redispatch import Redispatch
 
 _TABLES = {kind: table for table, kind in KINDS.values()} | {DeviceRecord: "devices"}
@@ -129,7 +130,8 @@ class Set:
         found = find_record(case, statement)
         after = with_values(found.record, statement.values, devices)
         text = f"{after}: {', '.join(_differences(found.record, after)) or 'as it was'}"
-        return Edited(_put(case, found.table, found.position, after), text, (str(after),))
+        changed = _put(case, found.table, found.position, after)
+        return Edited(_with_set_point(changed, found.record, after), text, (str(after),))
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,10 @@ class Remove:
         found = find_record(case, statement)
         rows = getattr(case, found.table)
         kept = rows[: found.position] + rows[found.position + 1 :]
-        return Edited(_with_table(case, found.table, kept), f"{found.record} removed", ())
+        after = _with_table(case, found.table, kept)
+        if isinstance(found.record, Generator | Shunt):
+            after = _without_control(after, found.record)
+        return Edited(after, f"{found.record} removed", ())
 
 
 @dataclass(frozen=True)
@@ -255,6 +260,29 @@ def _put(case: Case, table: str, position: int, record: Record) -> Case:
 def _with_table(case: Case, table: str, rows: tuple[Record, ...]) -> Case:
     changed: dict[str, Any] = {table: rows}
     return replace(case, **changed)
+
+
+def _with_set_point(case: Case, before: Record, after: Record) -> Case:
+    """The case with the set point of a unit's control moved with the voltage that it holds."""
+    if not (isinstance(before, Generator) and isinstance(after, Generator)):
+        return case
+    if before.voltage_pu == after.voltage_pu:
+        return case
+    controls = tuple(
+        item._replace(set_point_pu=after.voltage_pu)
+        if isinstance(item, UnitControl) and (item.bus, item.id) == after.key
+        else item
+        for item in case.flow_controls
+    )
+    return replace(case, flow_controls=controls)
+
+
+def _without_control(case: Case, record: Generator | Shunt) -> Case:
+    """The case without the control of a record that is gone."""
+    kind = UnitControl if isinstance(record, Generator) else ShuntControl
+    own = (record.bus, record.id)
+    kept = (c for c in case.flow_controls if not (isinstance(c, kind) and (c.bus, c.id) == own))
+    return replace(case, flow_controls=tuple(kept))
 
 
 def _differences(before: Record, after: Record) -> list[str]:

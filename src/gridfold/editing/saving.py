@@ -6,7 +6,9 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from gridfold.dynamics.device import Device
 from gridfold.dynamics.psse_export import psse_data
+from gridfold.dynamics.registry import DEVICES
 from gridfold.errors import OptionError, OutputError, PowerFlowError, SaveWarning, warn_caller
 from gridfold.grid.case import Case, Control, Generator
 from gridfold.io.case_folder_writer import write_case_folder
@@ -27,15 +29,24 @@ def save_case(case: Case, path: str | Path, *, overwrite: bool = False) -> None:
         warn_caller("\n".join([f"{path} does not hold all of the case:", *lost]), SaveWarning)
 
 
-def write_case(case: Case, path: str | Path, *, overwrite: bool = False) -> tuple[str, ...]:
-    """Write a case, and return what the files do not hold, in words."""
+def write_case(
+    case: Case,
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    devices: Mapping[str, Device] = DEVICES,
+) -> tuple[str, ...]:
+    """Write a case, and return what the files do not hold, in words.
+
+    `devices` are all models by name; the rest is as in :meth:`gridfold.Case.save`.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in _OTHER_FILES:
         raise OptionError(f"{path}: a case is written as a folder, or as .raw and .dyr")
     if suffix not in (_RAW, _DYR):
         return write_case_folder(case, path, overwrite)
-    data = psse_data(case)
+    data = psse_data(case, devices)
     lost = Lost()
     for what, record in data.lost:
         lost.add(what, record)

@@ -13,9 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError
-from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt, UnitKey
+from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt
+from gridfold.grid.dc_lines import ThyristorLine, TransistorLine
+from gridfold.grid.flow_controls import ShuntControl, UnitControl
 from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import require_valid
+from gridfold.io.plain_records import record_of
 from gridfold.io.rapid_mat import read_rapid
 from gridfold.io.tables import (
     Table,
@@ -35,6 +38,12 @@ TABLES: Mapping[str, type] = {
     "loads": Load,
     "shunts": Shunt,
 }
+#: Records that stand in ``case.toml``, by kind.
+RECORDS: Mapping[str, Mapping[str, type]] = {
+    "replacements": {"replacement": Replacement},
+    "dc_lines": {"thyristors": ThyristorLine, "transistors": TransistorLine},
+    "flow_controls": {"unit": UnitControl, "shunt": ShuntControl},
+}
 _SETTINGS: dict[str, tuple[type, ...]] = {
     "name": (str,),
     "description": (str,),
@@ -48,6 +57,8 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "unplaced": (list,),
     "notices": (list,),
     "replacements": (list,),
+    "dc_lines": (list,),
+    "flow_controls": (list,),
 }
 _DEPTH_LIMIT = 8
 
@@ -184,20 +195,14 @@ def _texts(values: Sequence[Any]) -> tuple[str, ...]:
     return tuple(values)
 
 
-def _replacements(tables: Sequence[Mapping[str, Any]]) -> tuple[Replacement, ...]:
-    """What became of models in another file, as a case that was saved tells it."""
-    found = []
-    for table in tables:
-        units = [unit.partition(":") for unit in table["units"]]
-        keys = tuple(UnitKey(int(bus), identifier) for bus, _, identifier in units)
-        found.append(Replacement(**{**table, "units": keys}))
-    return tuple(found)
+def _records(kinds: Mapping[str, type]) -> Callable[[Sequence[Mapping[str, Any]]], tuple[Any, ...]]:
+    return lambda tables: tuple(record_of(kinds, table) for table in tables)
 
 
 _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("area_names", "zone_names", "owner_names"), _names),
     **dict.fromkeys(("unsupported", "unplaced", "notices"), _texts),
-    "replacements": _replacements,
+    **{name: _records(kinds) for name, kinds in RECORDS.items()},
 }
 
 

@@ -13,8 +13,9 @@ from typing import Any
 
 from gridfold.errors import OutputError
 from gridfold.grid.case import Case, DeviceRecord, Record
-from gridfold.io.case_folder import TABLES
+from gridfold.io.case_folder import RECORDS, TABLES
 from gridfold.io.lost import Lost
+from gridfold.io.plain_records import plain_table
 from gridfold.io.results import csv_line
 
 _SETTINGS = "case.toml"
@@ -90,9 +91,10 @@ def _settings(case: Case) -> str:
     for name in _LISTS:
         if values := getattr(case, name):
             lines += [f"{name} = [", *(f"  {_toml(value)}," for value in values), "]"]
-    for item in case.replacements:
-        values = {**vars(item), "units": [str(unit) for unit in item.units]}
-        lines += ["", "[[replacements]]", *(f"{key} = {_toml(v)}" for key, v in values.items())]
+    for name, kinds in RECORDS.items():
+        if records := getattr(case, name):
+            tables = (_toml(plain_table(kinds, record)) for record in records)
+            lines += [f"{name} = [", *(f"  {table}," for table in tables), "]"]
     for name in _NAMES:
         if names := getattr(case, name):
             lines += ["", f"[{name}]", *(f"{number} = {_toml(v)}" for number, v in names.items())]
@@ -102,8 +104,12 @@ def _settings(case: Case) -> str:
 def _toml(value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{name} = {_toml(item)}' for name, item in value.items())} }}"
     return repr(value)
 
 

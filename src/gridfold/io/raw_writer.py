@@ -1,23 +1,24 @@
 """Write the network of a case as a RAW file of PSS/E, revision 33.
 
 Numbers are written so that they are read back as they are. A branch with a ratio, a shift, or between
-two voltage levels is a transformer, in per unit of its buses (CW, CZ, CM = 1). A unit that holds a
-voltage holds the stored one of its bus. Layouts are those of the PSS/E Program Operation Manual, chapter
-on the power flow raw data file; ratings of branches, limits of units and remote control are no part of
-a case, and stand at the manual's defaults.
+two voltage levels is a transformer, in per unit of its buses (CW, CZ, CM = 1). Layouts are those of the
+PSS/E Program Operation Manual, chapter on the power flow raw data file; ratings of branches and limits
+of active power are no part of a case, and stand at the manual's defaults.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import fields
 
-from gridfold.grid.case import Branch, Bus, Case, Control, Generator, Load, Shunt
-from gridfold.grid.energy_source import EnergySource
+from gridfold.grid.case import Branch, Bus, Case, Load, Shunt
+from gridfold.grid.dc_lines import ThyristorLine, TransistorLine
+from gridfold.grid.flow_controls import ShuntControl, ShuntMode
 from gridfold.io.lost import Lost
+from gridfold.io.raw_dc_writer import thyristor_lines, transistor_lines
 from gridfold.io.raw_text import Texts, flag, real, reals, title
+from gridfold.io.raw_unit_writer import Units
 
 _SECTIONS = (
     "BUS",
@@ -39,14 +40,13 @@ _SECTIONS = (
     "SWITCHED SHUNT",
     "GNE",
 )
-#: Difference that rounding may make, of voltages in per unit and of proportions.
-_ROUNDING = 1e-9
-_NO_LIMIT = "9999.0,-9999.0"
-_OWNERS = ",".join(["1,1.0", *["0,1.0"] * 3])
+#: Id of the switched shunt of a bus, as it is called when it is read.
+_SWITCHED = "S1"
+_SHUNT_MODES = {ShuntMode.LOCKED: 0, ShuntMode.DISCRETE: 1, ShuntMode.CONTINUOUS: 2}
 #: Parts of a case that a RAW file holds, or that no result depends on.
 _HELD = {
     *("name", "description", "base_mva", "frequency_hz", "area_names", "zone_names", "owner_names"),
-    *("buses", "branches", "generators", "loads", "shunts", "devices"),
+    *("buses", "branches", "generators", "loads", "shunts", "devices", "dc_lines", "flow_controls"),
     *("origins", "notices", "doubts", "file_counts", "left_out"),
 }
 _TOLD = {
@@ -61,68 +61,63 @@ def raw_text(case: Case) -> tuple[str, tuple[str, ...]]:
     return _Writer(case).write()
 
 
-@dataclass
 class _Writer:
-    case: Case
-    lost: Lost = field(default_factory=Lost)
-    texts: Texts = field(init=False)
-    units: dict[int, list[Generator]] = field(default_factory=lambda: defaultdict(list))
-
-    def __post_init__(self) -> None:
-        self.texts = Texts(self.lost)
+    def __init__(self, case: Case):
+        self.case, self.lost = case, Lost()
+        self.texts, self.units = Texts(self.lost), Units(case, self.lost)
+        controls = (item for item in case.flow_controls if isinstance(item, ShuntControl))
+        self.controls = {(item.bus, item.id): item for item in controls}
 
     def write(self) -> tuple[str, tuple[str, ...]]:
-        for unit in self.case.generators:
-            self.units[unit.bus].append(unit)
-        lines = [branch for branch in self.case.branches if not self._is_transformer(branch)]
-        transformers = [branch for branch in self.case.branches if self._is_transformer(branch)]
-        charging = list(self._charging(transformers))
-        records: Mapping[str, Iterator[str]] = {
-            "BUS": (self._bus(bus) for bus in self.case.buses),
-            "LOAD": (self._load(load) for load in self.case.loads),
-            "FIXED SHUNT": (self._shunt(shunt) for shunt in (*self.case.shunts, *charging)),
-            "GENERATOR": (line for bus in self.case.buses for line in self._generators(bus.number)),
-            "BRANCH": (self._line(branch) for branch in lines),
-            "TRANSFORMER": (line for branch in transformers for line in self._transformer(branch)),
-            "AREA": (
-                f"{number},0,0.0,10.0,{self.texts.name(name, f'area {number}')}"
-                for number, name in self.case.area_names.items()
-            ),
-            "ZONE": self._names(self.case.zone_names, "zone"),
-            "OWNER": self._names(self.case.owner_names, "owner"),
-        }
-        text = [f"0,{real(self.case.base_mva)},33,0,0,{real(self.case.frequency_hz)}"]
-        text += [title(self.case.name), title(self.case.description)]
+        case, sections = self.case, self._sections()
+        text = [f"0,{real(case.base_mva)},33,0,0,{real(case.frequency_hz)}"]
+        text += [title(case.name), title(case.description)]
         for section, following in zip(_SECTIONS, (*_SECTIONS[1:], ""), strict=True):
             begin = f", BEGIN {following} DATA" if following else ""
-            text += [*records.get(section, ()), f"0 / END OF {section} DATA{begin}"]
-        self._other_parts()
+            text += [*sections.get(section, ()), f"0 / END OF {section} DATA{begin}"]
+        for item in fields(case):
+            if item.name not in _HELD and getattr(case, item.name):
+                self.lost.add(_TOLD.get(item.name, item.name.replace("_", " ")))
         return "\n".join([*text, "Q", ""]), self.lost.lines
+
+    def _sections(self) -> Mapping[str, Iterator[str]]:
+        case = self.case
+        lines = [branch for branch in case.branches if not self._is_transformer(branch)]
+        transformers = [branch for branch in case.branches if self._is_transformer(branch)]
+        switched = [shunt for shunt in case.shunts if self._is_switched(shunt)]
+        fixed = [shunt for shunt in case.shunts if shunt not in switched]
+        fixed += self._charging(transformers)
+        two_terminal = (line for line in case.dc_lines if isinstance(line, ThyristorLine))
+        vsc = (line for line in case.dc_lines if isinstance(line, TransistorLine))
+        areas = self._names(case.area_names, "area")
+        return {
+            "BUS": (self._bus(bus) for bus in case.buses),
+            "LOAD": (self._load(load) for load in case.loads),
+            "FIXED SHUNT": (self._fixed(shunt) for shunt in fixed),
+            "GENERATOR": (line for bus in case.buses for line in self.units.lines(bus.number)),
+            "BRANCH": (self._line(branch) for branch in lines),
+            "TRANSFORMER": (line for branch in transformers for line in self._transformer(branch)),
+            "AREA": (f"{number},0,0.0,10.0,{name}" for number, name in areas),
+            "TWO-TERMINAL DC": (
+                text for line in two_terminal for text in thyristor_lines(line, self.texts)
+            ),
+            "VSC DC LINE": (text for line in vsc for text in transistor_lines(line, self.texts)),
+            "ZONE": (f"{number},{name}" for number, name in self._names(case.zone_names, "zone")),
+            "OWNER": (
+                f"{number},{name}" for number, name in self._names(case.owner_names, "owner")
+            ),
+            "SWITCHED SHUNT": (self._switched(shunt) for shunt in switched),
+        }
 
     # Records.
 
     def _bus(self, bus: Bus) -> str:
         if bus.latitude is not None or bus.longitude is not None:
             self.lost.add("latitude and longitude", bus)
-        held = {unit.voltage_pu for unit in self._regulating(bus.number)}
-        voltage = held.pop() if held else bus.voltage_pu
-        if abs(voltage - bus.voltage_pu) > _ROUNDING:
-            self.lost.add("stored voltages where a unit holds another one, which is written", bus)
-        name = self.texts.name(bus.name, bus)
-        head = f"{bus.number},{name},{real(bus.base_kv)},{self._bus_type(bus.number)}"
+        head = f"{bus.number},{self.texts.name(bus.name, bus)},{real(bus.base_kv)}"
+        head += f",{self.units.bus_type(bus.number)}"
         place = f"{bus.area},{bus.zone},{bus.owner}"
-        return f"{head},{place},{real(voltage)},{real(bus.angle_deg)}"
-
-    def _regulating(self, bus: int) -> list[Generator]:
-        """Units in service that hold the voltage."""
-        return [u for u in self.units[bus] if u.in_service and u.control is not Control.POWER]
-
-    def _bus_type(self, bus: int) -> int:
-        live = [unit for unit in self.units[bus] if unit.in_service]
-        if any(unit.control is Control.SLACK for unit in live):
-            return 3
-        held = any(unit.control is not Control.POWER for unit in self.units[bus])
-        return 2 if live or held else 1
+        return f"{head},{place},{reals(self.units.voltage(bus), bus.angle_deg)}"
 
     def _load(self, load: Load) -> str:
         bus = self.case.buses[self.case.bus_index[load.bus]]
@@ -139,56 +134,30 @@ class _Writer:
         )
         return f"{head},{reals(*powers)},1,1,0"
 
-    def _shunt(self, shunt: Shunt) -> str:
+    def _fixed(self, shunt: Shunt) -> str:
+        if (shunt.bus, shunt.id) in self.controls:
+            self.lost.add("switched shunts that are several at a bus: fixed ones", shunt)
         values = reals(shunt.conductance_mw, shunt.susceptance_mvar)
         return f"{shunt.bus},{self.texts.identifier(shunt.id, shunt)},{flag(shunt)},{values}"
 
-    def _generators(self, bus: int) -> Iterator[str]:
-        units = self.units[bus]
-        live = [unit for unit in units if unit.in_service]
-        reactive = self._reactive(live)
-        largest = max(live, key=lambda unit: unit.base_mva, default=None)
-        for unit in units:
-            if unit.control is Control.SLACK and unit in live and unit is not largest:
-                self.lost.add(
-                    "which units balance at a slack bus, where not the largest alone", unit
-                )
-            if unit.source not in (EnergySource.UNKNOWN, EnergySource.WIND):
-                self.lost.add("what drives a unit, other than wind", unit)
-            yield self._generator(unit, reactive.get(unit.id, unit.reactive_mvar))
+    def _is_switched(self, shunt: Shunt) -> bool:
+        """Whether it is the switched shunt of its bus, as it is called when it is read."""
+        control = self.controls.get((shunt.bus, shunt.id))
+        return control is not None and shunt.id == _SWITCHED and not shunt.conductance_mw
 
-    def _reactive(self, live: Sequence[Generator]) -> dict[str, float]:
-        """Reactive powers by id, where the stored ones do not tell the parts that units take."""
-        sharing = [unit for unit in live if unit.control is not Control.POWER]
-        if len(sharing) < 2:
-            return {}
-        given = [unit.reactive_mvar for unit in sharing]
-        shares = [unit.share for unit in sharing]
-        alike = all(power > 0 for power in given) or all(power < 0 for power in given)
-        if _alike(map(abs, given) if alike else [unit.base_mva for unit in sharing], shares):
-            return {}
-        for unit in sharing:
-            self.lost.add("stored reactive power of units that share a bus by other parts", unit)
-        total = sum(given) or 1.0
-        return {u.id: total * u.share / sum(shares) for u in sharing}
-
-    def _generator(self, unit: Generator, reactive: float) -> str:
-        holds_power = unit.control is Control.POWER
-        if holds_power and unit.in_service:
-            self.lost.add(
-                "units that hold their reactive power: PSS/E holds it by limits, gridfold reads units "
-                "that hold the stored voltage",
-                unit,
-            )
-        limits = reals(reactive, reactive) if holds_power else _NO_LIMIT
-        powers = reals(unit.active_mw, reactive)
-        head = f"{unit.bus},{self.texts.identifier(unit.id, unit)},{powers},{limits}"
-        source = reals(unit.source_resistance, unit.source_reactance)
-        machine = f"{real(unit.voltage_pu)},0,{real(unit.base_mva)},{source},0.0,0.0,1.0"
-        wind = int(unit.source is EnergySource.WIND)
-        return f"{head},{machine},{flag(unit)},100.0,{_NO_LIMIT},{_OWNERS},{wind},1.0"
+    def _switched(self, shunt: Shunt) -> str:
+        control = self.controls[shunt.bus, shunt.id]
+        if control.mode is ShuntMode.OTHER:
+            self.lost.add("what switched shunts follow, other than voltages: locked ones", shunt)
+        remote = 0 if control.regulated_bus == shunt.bus else control.regulated_bus
+        band = reals(control.voltage_max_pu, control.voltage_min_pu)
+        blocks = [f"{steps},{real(mvar)}" for steps, mvar in control.blocks]
+        head = f"{shunt.bus},{_SHUNT_MODES.get(control.mode, 0)},0,{flag(shunt)},{band},{remote}"
+        return ",".join([head, f"100.0,'',{real(shunt.susceptance_mvar)}", *blocks])
 
     def _is_transformer(self, branch: Branch) -> bool:
+        if branch.joins:
+            return False
         if branch.ratio != 1 or branch.shift_deg != 0:
             return True
         plain = not (branch.susceptance or branch.to_conductance or branch.to_susceptance)
@@ -238,21 +207,10 @@ class _Writer:
             active, reactive = (power * self.case.base_mva for power in powers)
             yield Shunt(branch.to_bus, identifier, active, reactive, branch.in_service)
 
-    def _names(self, names: Mapping[int, str], what: str) -> Iterator[str]:
-        for number, name in names.items():
-            yield f"{number},{self.texts.name(name, f'{what} {number}')}"
-
-    def _other_parts(self) -> None:
-        """What the case has besides: a part that this writer does not know is told by its name."""
-        for item in fields(self.case):
-            if item.name not in _HELD and getattr(self.case, item.name):
-                self.lost.add(_TOLD.get(item.name, item.name.replace("_", " ")))
-
-
-def _alike(first: Any, second: Sequence[float]) -> bool:
-    """Whether numbers are in the same proportions."""
-    ratios = [a / b for a, b in zip(first, second, strict=True)]
-    return bool(max(ratios) - min(ratios) <= _ROUNDING * max(ratios))
+    def _names(self, names: Mapping[int, str], what: str) -> Iterator[tuple[int, str]]:
+        return (
+            (number, self.texts.name(name, f"{what} {number}")) for number, name in names.items()
+        )
 
 
 def _free_id(taken: Collection[str]) -> str:

@@ -18,7 +18,7 @@ from gridfold.dynamics.plausible import case_doubts, model_doubts
 from gridfold.dynamics.psse_models import kind_of
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, with_user_written
 from gridfold.dynamics.registry import DEVICES
-from gridfold.editing import Edit, apply_edits
+from gridfold.editing import Edit
 from gridfold.errors import CaseError, InitializationError, PowerFlowError
 from gridfold.grid.case import Branch, Case
 from gridfold.grid.doubts import Doubt
@@ -28,7 +28,7 @@ from gridfold.io.powerio_cases import read_network
 from gridfold.io.unit_sources import read_unit_sources, with_sources
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import Basis, basis_of, basis_of_case
-from gridfold.runs.loading import Solve, solved_as, with_devices
+from gridfold.runs.loading import Solve, edited, solved_as, with_devices
 from gridfold.runs.unstable_start import with_start_checked
 
 
@@ -121,13 +121,13 @@ def examine_files(
     if unit_sources is not None:
         case = with_sources(case, read_unit_sources(unit_sources, case))
     try:
-        case = solved_as(case, solve)
+        case = case if edits else solved_as(case, solve)
     except PowerFlowError as error:
         return CaseInfo(
             case, basis_of_case(case, loads, _doubts(case, None, devices)), trouble=str(error)
         )
     if dyr is None:
-        case = apply_edits(case, edits)
+        case = edited(case, edits, solve) if edits else case
         flow, trouble = _flow(case)
         basis = basis_of_case(case, loads, _doubts(case, flow, devices), flow=flow)
         return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
@@ -141,7 +141,7 @@ def examine_files(
             trouble = "\n".join(filter(None, ("Edits are not made: models are missing.", trouble)))
         basis = basis_of_case(case, loads, _doubts(case, flow, devices), tuple(error.faults), flow)
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
-    case = apply_edits(case, edits)
+    case = edited(case, edits, solve, devices) if edits else case
     flow, trouble = _flow(case)
     model = None
     if flow is not None:
