@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gridfold.dynamics.assemble import device_faults
 from gridfold.dynamics.device import Device
+from gridfold.dynamics.own_models import Devices, device_models
 from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.edits import Add, Dispatch, Edit, Remove, ScaleLoad, Set, Switch
 from gridfold.errors import CaseError, GridfoldError
@@ -140,3 +141,8 @@ class CaseEditor:
             Lists the faults, as :func:`gridfold.apply_edits`.
         """
         return apply_edits(self.base, self.edits, self.devices)
+
+
+def edit_case(case: Case, devices: Devices = ()) -> CaseEditor:
+    """See :meth:`gridfold.Case.edit`."""
+    return CaseEditor(case, devices=device_models(devices))

@@ -8,6 +8,7 @@ symbol in PSS/E (:mod:`gridfold.editing.symbols`).
 
 from __future__ import annotations
 
+import difflib
 import re
 import typing
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,7 @@ from gridfold.editing.symbols import KEYS, field_name, parameter_name
 from gridfold.errors import OptionError
 from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Record, Shunt
 from gridfold.grid.event_checks import find_branch
-from gridfold.io.tables import parse_cell, suggest
+from gridfold.io.tables import parse_cell
 
 _BUS, _BRANCH, _GENERATOR, _LOAD, _SHUNT = "bus", "branch", "generator", "load", "shunt"
 #: What each kind of record is called, with the table and the type of such records.
@@ -99,9 +100,10 @@ def parse_statement(text: str, devices: Mapping[str, Device]) -> Statement:
     word = match[1].lower()
     kind = _SYNONYMS.get(word, word)
     if kind not in KINDS and kind not in devices:
-        known = [*KINDS, *(name.upper() for name in devices)]
-        near = suggest(match[1] if match[1] in KINDS else match[1].upper(), known)
-        hint = near if near.startswith("did") else f"known: {', '.join(KINDS)}, or a device model"
+        near = difflib.get_close_matches(word, [*KINDS, *_SYNONYMS, *devices], n=1)
+        shown = [name if name in KINDS or name in _SYNONYMS else name.upper() for name in near]
+        listed = f"known: {', '.join(KINDS)}, or a device model"
+        hint = f"did you mean {shown[0]!r}?" if shown else listed
         raise OptionError(f"{match[1]!r} is no kind of record and no device model; {hint}")
     return Statement(kind, match[2], _assignments(match[3] or ""))
 

@@ -330,22 +330,22 @@ class Case(Card):
 
         return case_frame(self, table)
 
-    def edit(self, devices: Mapping[str, Any] | None = None) -> CaseEditor:
+    def edit(self, devices: Any = None) -> CaseEditor:
         """Begin to edit: ``case.edit().scale_load(1.1, areas=1).set("GENROU 101:1 H=4").case()``.
 
         Parameters
         ----------
-        devices : mapping, optional
-            All device models by name; by default those of gridfold.
+        devices : Device, iterable of Device, or mapping, optional
+            Device models of your own that edits name, as for :func:`gridfold.load_case`.
 
         Returns
         -------
         CaseEditor
             Its :meth:`~gridfold.CaseEditor.case` gives the changed case.
         """
-        from gridfold.editing import CaseEditor
+        from gridfold.editing import edit_case
 
-        return CaseEditor(self) if devices is None else CaseEditor(self, devices=devices)
+        return edit_case(self, () if devices is None else devices)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the case: a folder of tables, or files of PSS/E.

@@ -53,9 +53,9 @@ def write_case_folder(case: Case, folder: Path, overwrite: bool = False) -> tupl
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as temporary:
             new = Path(temporary) / folder.name
-            (new / _DEVICES).mkdir(parents=True)
             for name, text in files.items():
                 if text:
+                    (new / name).parent.mkdir(parents=True, exist_ok=True)
                     (new / name).write_text(text, encoding="utf-8", newline="\n")
             _move(new, folder)
     except OSError as error:
@@ -80,9 +80,10 @@ def _move(new: Path, folder: Path) -> None:
     old = [folder / _SETTINGS, *(folder / f"{name}.csv" for name in TABLES)]
     for path in (*old, *(folder / _DEVICES).glob("*.csv")):
         path.unlink(missing_ok=True)
-    (folder / _DEVICES).mkdir(exist_ok=True)
     for path in new.rglob("*.*"):
-        shutil.move(path, folder / path.relative_to(new))
+        target = folder / path.relative_to(new)
+        target.parent.mkdir(exist_ok=True)
+        shutil.move(path, target)
 
 
 def _settings(case: Case) -> str:

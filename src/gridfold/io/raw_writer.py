@@ -127,7 +127,7 @@ class _Writer:
             load.current_active_mw,
             load.current_reactive_mvar,
             load.impedance_active_mw,
-            -load.impedance_reactive_mvar,
+            -load.impedance_reactive_mvar or 0.0,
         )
         head = (
             f"{load.bus},{self.texts.identifier(load.id, load)},{flag(load)},{bus.area},{bus.zone}"
