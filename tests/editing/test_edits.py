@@ -133,7 +133,10 @@ def test_values_of_the_network_are_set_by_their_symbols_in_psse(
         ("GENROU 101:1 inertai=4", "did you mean 'inertia'?"),
         ("GENROU 101:1 H=four", "H: 'four' is not a number"),
         ("GENROU 101:1", "say what is set, as NAME=VALUE"),
-        ("GENROU 101:1 H 4", "values are written NAME=VALUE, not 'H 4'"),
+        ("GENROU 101:1 H=4 5", "values are written NAME=VALUE, not '5'"),
+        ("GENROU area:7 H=4", "there is no area 7"),
+        ("SEXS area:2 K=4", "there is no machine at area 2"),
+        ("shunt area:2 BL=4", "there is no shunt area:2 in case plants"),
         ("GENROU 101:1 H=4 H=5", "H is given twice"),
         ("GENROU 101:1 H=4 inertia=5", "inertia is inertia, which is given already"),
         ("H=4", "a record is written with a word and a place"),
@@ -166,6 +169,29 @@ def test_a_value_out_of_range_is_told_with_record_and_edit(plants, text, told):
     assert faults(plants.edit().set(text))[0].startswith(told)
 
 
+@pytest.mark.parametrize(
+    ("text", "table", "field", "value", "positions"),
+    [
+        ("gen area:2 PG=70", "generators", "active_mw", 70.0, {1, 2}),
+        ("gen 'SOUTH' PG=70", "generators", "active_mw", 70.0, {1, 2}),
+        ("load 101-104 except zone:1 PL=7", "loads", "active_mw", 7.0, {0, 1, 2}),
+        ("bus kv>=200 VM=1.01", "buses", "voltage_pu", 1.01, {2, 3}),
+        ("line area:1 to area:2 X=0.3", "branches", "reactance", 0.3, {2, 3}),
+    ],
+)
+def test_a_choice_means_all_records_there(plants, text, table, field, value, positions):
+    records = getattr(plants.edit().set(text).case(), table)
+    assert {k for k, record in enumerate(records) if getattr(record, field) == value} == positions
+
+
+def test_what_was_done_to_many_records_is_told_of_the_first_ones(plants):
+    (line,) = plants.edit().set("GENROU area:1-2 H=4").case().notices
+    assert line.count("inertia 6.5 -> 4") == 3
+    many = plants.edit().add(*(f"load 103:{k} PL=1" for k in "abcdefgh")).case()
+    (line,) = many.edit().switch("load zone:2", "out").case().notices[-1:]
+    assert line.endswith("load 103:c, and 5 more out")
+
+
 def test_a_held_voltage_is_the_set_point_of_its_control_too(plants):
     control = UnitControl(101, "1", 1.0, 101, -50.0, 50.0)
     case = replace(plants, flow_controls=(control,)).edit().set("gen 101:1 VS=1.02").case()
@@ -181,7 +207,7 @@ def test_records_are_switched_out_and_in(plants):
     assert not case.branches[2].in_service
     assert not case.shunts[0].in_service
     assert not case.generators[2].in_service
-    back = case.edit().switch("line 103-104:1, unit 102:2, shunt 103:1", "in").case()
+    back = case.edit().switch("line 103-104:1, unit 101, area:2, shunt 103:1", "in").case()
     assert (back.branches, back.generators, back.shunts) == (
         plants.branches, plants.generators, plants.shunts,
     )  # fmt: skip

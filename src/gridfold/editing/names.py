@@ -2,8 +2,9 @@
 
 A record is named by a word and a place: ``bus 101``, ``load 101:1``, ``shunt 101:1``,
 ``generator 101:1``, ``branch 101-103:1``, or a device by its model, ``GENROU 101:1``. The id and the
-circuit may be left out where there is one alone. A value is named as in gridfold's tables or by its
-symbol in PSS/E (:mod:`gridfold.editing.symbols`).
+circuit may be left out where there is one alone. Any other place is a choice in the grammar of
+:mod:`gridfold.grid.selection_text`, such as ``area:1 except kv<100``, and means all such records there.
+A value is named as in gridfold's tables or by its symbol in PSS/E (:mod:`gridfold.editing.symbols`).
 """
 
 from __future__ import annotations
@@ -18,8 +19,19 @@ from typing import Any, NamedTuple
 from gridfold.dynamics.device import Device
 from gridfold.editing.symbols import KEYS, field_name, parameter_name
 from gridfold.errors import OptionError
-from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Record, Shunt
+from gridfold.grid.case import (
+    Branch,
+    Bus,
+    Case,
+    DeviceRecord,
+    Generator,
+    Load,
+    Record,
+    Shunt,
+    UnitKey,
+)
 from gridfold.grid.event_checks import find_branch
+from gridfold.grid.selection import select_buses, select_lines, select_machines
 from gridfold.io.tables import parse_cell
 
 _BUS, _BRANCH, _GENERATOR, _LOAD, _SHUNT = "bus", "branch", "generator", "load", "shunt"
@@ -38,7 +50,7 @@ _SYNONYMS = {
     "machine": _GENERATOR,
     "unit": _GENERATOR,
 }
-_STATEMENT = re.compile(r"\s*(\S+)\s+([^\s=]+)(?:\s+(.*?))?\s*", re.DOTALL)
+_STATEMENT = re.compile(r"\s*(\S+)\s+(\S.*?)(?:[\s,]+([^\s=<>]+\s*=.*?))?\s*", re.DOTALL)
 _ASSIGNMENT = re.compile(
     r"""[\s,]*([^\s=]+?)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s,=]+))(?=[\s,]|$)"""
 )
@@ -48,14 +60,14 @@ _ENDS = re.compile(r"([0-9]{1,18})-([0-9]{1,18})(?::(\S+))?")
 
 @dataclass(frozen=True)
 class Statement:
-    """What a text says of one record.
+    """What a text says of records.
 
     Parameters
     ----------
     kind : str
         A key of `KINDS`, or the name of a device model.
     place : str
-        Where the record is, as it was written.
+        Where they are, as it was written.
     values : tuple of (str, str)
         Names and values, as they were written.
     """
@@ -71,7 +83,7 @@ class Statement:
 
     @property
     def name(self) -> str:
-        """The record, for messages."""
+        """The records, for messages."""
         return f"{self.kind} {self.place}"
 
 
@@ -121,32 +133,72 @@ def _assignments(text: str) -> tuple[tuple[str, str], ...]:
     return tuple(found.items())
 
 
-def find_record(case: Case, statement: Statement) -> Found:
-    """The record that a statement names.
+def split_statements(text: str, devices: Mapping[str, Device]) -> list[Statement]:
+    """Statements about several records, such as ``branch 101-103:1, shunt 5``.
+
+    A comma ends one where the word of another one follows.
 
     Raises
     ------
     OptionError
-        There is none, or there are several; names what is there.
+        As :func:`parse_statement`.
+    """
+    words = "|".join(map(re.escape, (*KINDS, *_SYNONYMS, *devices)))
+    parts = re.split(rf",\s*(?=(?:{words})\s)", text, flags=re.IGNORECASE)
+    return [parse_statement(part, devices) for part in parts]
+
+
+def find_records(case: Case, statement: Statement) -> list[Found]:
+    """The records that a statement names: one by its own name, or all that a choice means.
+
+    Raises
+    ------
+    OptionError
+        There is none, or several have the name; names what is there.
     """
     if statement.kind == _BRANCH:
-        position, _ = find_branch(case, statement.place, statement.name)
-        return Found("branches", position, case.branches[position])
-    bus, identifier = _at_bus(statement)
+        return _branches(case, statement)
     table = "devices" if statement.is_device else KINDS[statement.kind][0]
     rows = [
         Found(table, k, record)
         for k, record in enumerate(getattr(case, table))
         if not statement.is_device or record.model == statement.kind
     ]
+    if not _AT_BUS.fullmatch(statement.place):
+        return _chosen(case, statement, rows)
+    bus, identifier = _at_bus(statement)
     at_bus = [row for row in rows if _bus_of(row.record) == bus]
     found = [row for row in at_bus if identifier in (None, getattr(row.record, "id", None))]
-    if len(found) == 1:
-        return found[0]
-    if found:
+    if len(found) > 1:
         listed = ", ".join(f"{bus}:{getattr(row.record, 'id', '')}" for row in found)
         raise OptionError(f"{statement.name}: say which, one of {listed}")
-    raise OptionError(f"there is no {statement.name}; {_there(case, statement, bus, at_bus, rows)}")
+    if not found:
+        there = _there(case, statement, bus, at_bus, rows)
+        raise OptionError(f"there is no {statement.name}; {there}")
+    return found
+
+
+def _branches(case: Case, statement: Statement) -> list[Found]:
+    if _ENDS.fullmatch(statement.place):
+        positions = [find_branch(case, statement.place, statement.name)[0]]
+    else:
+        ends = select_lines(statement.place, case, statement.name)
+        positions = list(dict.fromkeys(end.position for end in ends))
+    return [Found("branches", k, case.branches[k]) for k in positions]
+
+
+def _chosen(case: Case, statement: Statement, rows: Sequence[Found]) -> list[Found]:
+    """The records at buses that a choice means."""
+    if statement.kind == _GENERATOR or statement.is_device:
+        keys = [UnitKey(_bus_of(row.record), row.record.id) for row in rows]  # type: ignore[union-attr]
+        units = set(select_machines(statement.place, case, statement.name, among=keys))
+        found = [row for row, key in zip(rows, keys, strict=True) if key in units]
+    else:
+        buses = set(select_buses(statement.place, case, statement.name))
+        found = [row for row in rows if _bus_of(row.record) in buses]
+    if not found:
+        raise OptionError(f"there is no {statement.name} in case {case.name}")
+    return found
 
 
 def _at_bus(statement: Statement) -> tuple[int, str | None]:
