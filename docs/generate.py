@@ -123,6 +123,7 @@ _EVENT_FIELDS = {
     "far_duration": "Time until it opens at the bus named second, in s; `duration` counts there else",
     "LoadStep.active_mw": "Added active power at the initial voltage, in MW; negative sheds",
     "Redispatch.active_mw": "Power that the units give more, in MW",
+    "Redispatch.units": "Or which units, such as `101:1,102:1`",
     "reactive_mvar": "Added reactive power at the initial voltage, in Mvar",
     "share": "Part of the load at the start",
     "buses": "Where, by bus numbers such as `1-36,78`",

@@ -4,6 +4,8 @@ from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
+from gridfold.editing.edit_files import load_edits
+from gridfold.editing.editor import CaseEditor, apply_edits
 from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.calibrate import calibrate
 from gridfold.equivalents.compare import Comparison, compare
@@ -31,6 +33,7 @@ from gridfold.errors import (
     OptionError,
     OutputError,
     PowerFlowError,
+    SaveWarning,
     StepWarning,
     TimeLimitError,
 )
@@ -118,6 +121,7 @@ __all__ = [
     "Bus",
     "BusFault",
     "Case",
+    "CaseEditor",
     "CaseError",
     "CaseFileError",
     "ClearingTime",
@@ -155,6 +159,7 @@ __all__ = [
     "PowerFlowResult",
     "Redispatch",
     "RungeKutta4",
+    "SaveWarning",
     "ScipyReference",
     "SetParameter",
     "SheddingStage",
@@ -183,6 +188,7 @@ __all__ = [
     "Weights",
     "Workers",
     "__version__",
+    "apply_edits",
     "build_model",
     "built_in_cases",
     "calibrate",
@@ -194,6 +200,7 @@ __all__ = [
     "fold",
     "load_case",
     "load_devices",
+    "load_edits",
     "load_events",
     "load_psse",
     "load_reduced",

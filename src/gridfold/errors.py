@@ -15,6 +15,7 @@
     └── OutputError           a result cannot be written
 
     GridfoldWarning           root of its warnings (Python's ``warnings``)
+    ├── SaveWarning           a file cannot hold all that was saved
     └── StepWarning           a time step is too long for the model or the fault
 
 What a simulation *finds* (loss of synchronism, non-finite states) is not an exception: it is the
@@ -132,6 +133,10 @@ class OutputError(GridfoldError):
 
 class GridfoldWarning(UserWarning):
     """Root of every warning of gridfold."""
+
+
+class SaveWarning(GridfoldWarning):
+    """A file cannot hold all that was saved: the text lists what is not in it."""
 
 
 class StepWarning(GridfoldWarning):

@@ -28,7 +28,7 @@ ANY_EVENT = st.one_of(
     st.builds(gf.ShuntClose, BUSES, st.sampled_from(["1", "S1"]), NUMBERS),
     st.builds(gf.ShuntStep, BUSES, NUMBERS, NUMBERS, NUMBERS),
     st.builds(gf.SetParameter, BUSES, st.just("inertia"), st.none() | NUMBERS, st.none() | NUMBERS),
-    st.builds(gf.Redispatch, NUMBERS, PLACES, PLACES),
+    st.builds(gf.Redispatch, NUMBERS, PLACES, PLACES, units=PLACES),
 )
 
 
@@ -60,7 +60,7 @@ def test_event_written_as_words_reads_back_as_the_event(event):
 @pytest.mark.parametrize("kind", EVENTS)
 def test_record_has_the_kind_and_every_field_that_is_given(kind):
     samples = {
-        "branch": "7-8", "id": "2", "buses": "7", "areas": "1", "zones": "1", "model": "sexs",
+        "branch": "7-8", "id": "2", "buses": "7", "areas": "1", "zones": "1", "model": "sexs", "units": "7:1",
         "parameter": "inertia", "bus": 1, "trip": False, "trip_bus": True,
     }  # fmt: skip
     names = [item.name for item in fields(EVENTS[kind])]

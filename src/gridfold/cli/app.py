@@ -27,6 +27,9 @@ COMMANDS = {
         "analysis",
         "Print what a case consists of, its operating point and its dynamic devices.",
     ),
+    "convert": Late(
+        "convert", "Write a case as a folder of tables or as files of PSS/E, with edits if any."
+    ),
     "eigenvalues": Late(
         "analysis",
         "Eigenvalues, damping ratios and participation factors at the operating point.",

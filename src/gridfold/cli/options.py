@@ -21,6 +21,8 @@ from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.own_models import is_own
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
+from gridfold.editing import Edit, Set
+from gridfold.editing.edit_files import load_edits
 from gridfold.equivalents.choice import ReductionSettings, RetainSettings
 from gridfold.equivalents.families import COLUMN_NORM
 from gridfold.equivalents.model_kind import (
@@ -141,6 +143,17 @@ class CaseOptions:
         ),
     ] = Solve.STORED
     devices: DevicesOption = None
+    edits: Annotated[
+        Path | None, _case_option(help="Edits of the case, a TOML file of [[edits]] tables.")
+    ] = None
+    settings: Annotated[
+        list[str] | None,
+        _case_option(
+            "--set",
+            metavar="RECORD NAME=VALUE",
+            help="Values of one record, such as 'GENROU 101:1 H=4' or 'load 7 PL=90'. Repeatable.",
+        ),
+    ] = None
     strict: Annotated[
         bool,
         _case_option(
@@ -170,8 +183,14 @@ class CaseOptions:
         """All device models; files of one's own are run."""
         return load_devices(*(self.devices or ()))
 
+    @cached_property
+    def all_edits(self) -> tuple[Edit, ...]:
+        """Edits of the case: those of the file first."""
+        of_file = () if self.edits is None else load_edits(self.edits)
+        return (*of_file, *map(Set, self.settings or ()))
+
     def load(self) -> Case:
-        """The case."""
+        """The case, with its edits."""
         return self._load(self.device_models)
 
     def _load(self, devices: Mapping[str, Device]) -> Case:
@@ -184,6 +203,7 @@ class CaseOptions:
             allow_unsupported_network=self.allow_unsupported_network,
             raw_revision=self.raw_revision,
             solve=self.solve,
+            edits=self.all_edits,
             strict=self.strict,
             devices=devices,
         )
@@ -257,6 +277,7 @@ class CaseOptions:
             self.unit_sources,
             self.solve,
             self.device_models,
+            self.all_edits,
         )
 
 

@@ -26,7 +26,7 @@ def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]
         Lists every fault of the device records: unknown models with their number, unknown, missing or
         impossible parameters, generators without a machine, two devices of one role.
     """
-    faults = list(_device_faults(case, devices))
+    faults = list(device_faults(case, devices))
     if faults:
         raise CaseError(faults, f"case {case.name}, dynamic devices")
     groups: list[Group] = []
@@ -61,7 +61,8 @@ def _parameter_rows(
     return np.ascontiguousarray(rows)
 
 
-def _device_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
+def device_faults(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[str]:
+    """Every fault of the device records of a case, as :func:`assemble` tells it."""
     unknown = Counter(
         r.model for r in case.devices if r.model not in devices and r.model != NEGATIVE_LOAD
     )

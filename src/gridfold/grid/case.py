@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,11 @@ from gridfold.grid.doubts import Doubt
 from gridfold.grid.energy_source import EnergySource
 from gridfold.grid.flow_controls import FlowControl
 from gridfold.grid.replacement import Replacement
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from gridfold.editing import CaseEditor
 
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
 _LABEL = {"label": True}  # fields that no simulation depends on: no part of the fingerprint
@@ -281,12 +287,15 @@ class Case(Card):
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of all data that a simulation depends on, in hexadecimal."""
+        """SHA-256 of all data that a simulation depends on, in hexadecimal.
+
+        Whether devices are listed by unit or by model makes no difference.
+        """
         digest = hashlib.sha256()
         for table in (self.buses, self.branches, self.generators, self.loads, self.shunts):
             for record in table:
                 digest.update(_print(record).encode())
-        for device in self.devices:
+        for device in sorted(self.devices, key=lambda device: device.model):
             parameters = sorted(device.parameters.items())
             digest.update(repr((device.model, device.key, parameters)).encode())
         digest.update(repr((self.base_mva, self.frequency_hz)).encode())
@@ -297,6 +306,71 @@ class Case(Card):
     def stored_power(self, load: Load) -> complex:
         """What a load draws at the stored voltage of its bus, in MVA."""
         return load.power(self.buses[self.bus_index[load.bus]].voltage_pu)
+
+    def frame(self, table: str) -> pd.DataFrame:
+        """A table of the case to look at.
+
+        Parameters
+        ----------
+        table : str
+            ``"buses"``, ``"branches"``, ``"generators"``, ``"loads"`` or ``"shunts"``; ``"devices"``, a
+            row for each parameter; or a device model such as ``"GENROU"``, a row for each unit.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its columns are named as in :meth:`edit`; ``attrs["units"]`` holds their units.
+
+        Raises
+        ------
+        OptionError
+            There is no such table.
+        """
+        from gridfold.editing import case_frame
+
+        return case_frame(self, table)
+
+    def edit(self, devices: Any = None) -> CaseEditor:
+        """Begin to edit: ``case.edit().scale_load(1.1, areas=1).set("GENROU 101:1 H=4").case()``.
+
+        Parameters
+        ----------
+        devices : Device, iterable of Device, or mapping, optional
+            Device models of your own that edits name, as for :func:`gridfold.load_case`.
+
+        Returns
+        -------
+        CaseEditor
+            Its :meth:`~gridfold.CaseEditor.case` gives the changed case.
+        """
+        from gridfold.editing import edit_case
+
+        return edit_case(self, () if devices is None else devices)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the case: a folder of tables, or files of PSS/E.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``NAME.raw`` is written as RAW of revision 33, with the dynamic data beside it in
+            ``NAME.dyr``; ``NAME.dyr`` as these alone; any other name as a folder of tables.
+        overwrite : bool
+            Replace what is there.
+
+        Raises
+        ------
+        OutputError
+            It is there already, or cannot be written.
+
+        Warns
+        -----
+        SaveWarning
+            The files cannot hold all of the case; the text lists what.
+        """
+        from gridfold.editing import save_case
+
+        save_case(self, path, overwrite=overwrite)
 
     def locate(self, record: Record | DcLine) -> str:
         """Name of `record`, with the file and line it came from where that is known."""

@@ -1,15 +1,16 @@
-"""The event that moves generation before a run begins."""
+"""Generation that is moved before a run begins: an event, and what it makes of a case."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from gridfold.errors import EventError
+from gridfold.errors import EventError, OptionError
 from gridfold.grid.case import Case, Control, Generator, UnitKey
 from gridfold.grid.change import Change
 from gridfold.grid.event_checks import added, check_finite, chosen_buses, place_text
 from gridfold.grid.network_state import NetworkState
+from gridfold.grid.selection import select_machines
 
 #: Power in MW below zero that rounding may leave.
 _ROUNDING = 1e-9
@@ -29,33 +30,69 @@ class Redispatch:
         What they give more, in MW; negative: less.
     buses, areas, zones : str
         Where the units are, such as ``1-36,78``; all that one of them names.
+    units : str
+        Or which units they are, such as ``101:1,102:1``.
     """
 
     active_mw: float
     buses: str = ""
     areas: str = ""
     zones: str = ""
+    units: str = ""
 
     def changes(self, case: Case) -> list[Change]:
         """The dispatch changes at the start."""
-        where = f"redispatch in {place_text(self.buses, self.areas, self.zones)}"
-        check_finite(where, active_mw=self.active_mw)
-        buses = chosen_buses(where, case, self.buses, self.areas, self.zones)
-        slack = {g.bus for g in case.generators if g.control is Control.SLACK}
-        units = [g for g in case.generators if g.in_service and g.bus in buses - slack]
-        units = [g for g in units if g.active_mw > 0]
-        if not units:
-            raise EventError(f"{where}: no unit in service with positive power, slack buses aside")
+        units = self._chosen(case)
         total = sum(g.active_mw for g in units)
         steps = {g.key: self.active_mw * g.active_mw / total for g in units}
 
         def apply(state: NetworkState) -> NetworkState:
             dispatch = added(state.dispatch, steps)
-            _require_positive(where, units, dict(dispatch))
+            _require_positive(self._where, units, dict(dispatch))
             return replace(state, dispatch=dispatch)
 
         count = "1 unit" if len(units) == 1 else f"{len(units)} units"
-        return [Change(0.0, f"{where}: {self.active_mw:+g} MW by {count}", apply)]
+        return [Change(0.0, f"{self._where}: {self.active_mw:+g} MW by {count}", apply)]
+
+    def dispatched(self, case: Case) -> Case:
+        """The case after the change."""
+        state = NetworkState()
+        for change in self.changes(case):
+            state = change.apply(state)
+        return redispatched(case, dict(state.dispatch))
+
+    @property
+    def _where(self) -> str:
+        if self.units:
+            return f"redispatch of {self.units}"
+        return f"redispatch in {place_text(self.buses, self.areas, self.zones)}"
+
+    def _chosen(self, case: Case) -> list[Generator]:
+        """The units that share the power."""
+        check_finite(self._where, active_mw=self.active_mw)
+        slack = {g.bus for g in case.generators if g.control is Control.SLACK}
+        chosen = self._named(case)
+        units = [g for g in case.generators if g.in_service and g.key in chosen]
+        if self.units and (at_slack := [str(g.key) for g in units if g.bus in slack]):
+            listed = ", ".join(at_slack)
+            raise EventError(f"{self._where}: {listed} at a slack bus balances what is left over")
+        units = [g for g in units if g.active_mw > 0 and g.bus not in slack]
+        if not units:
+            raise EventError(
+                f"{self._where}: no unit in service with positive power, slack buses aside"
+            )
+        return units
+
+    def _named(self, case: Case) -> frozenset[UnitKey]:
+        if not self.units:
+            buses = chosen_buses(self._where, case, self.buses, self.areas, self.zones)
+            return frozenset(g.key for g in case.generators if g.bus in buses)
+        if self.buses or self.areas or self.zones:
+            raise EventError(f"{self._where}: give units or where they are, not both")
+        try:
+            return frozenset(select_machines(str(self.units), case, "units"))
+        except OptionError as error:
+            raise EventError(f"{self._where}: {error}") from None
 
 
 def _require_positive(

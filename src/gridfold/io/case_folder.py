@@ -7,13 +7,18 @@ replace those of the base case that have the same key, and add to the rest.
 from __future__ import annotations
 
 import typing
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError
 from gridfold.grid.case import Branch, Bus, Case, DeviceRecord, Generator, Load, Shunt
+from gridfold.grid.dc_lines import ThyristorLine, TransistorLine
+from gridfold.grid.flow_controls import ShuntControl, UnitControl
+from gridfold.grid.replacement import Replacement
 from gridfold.grid.validation import require_valid
+from gridfold.io.plain_records import record_of
 from gridfold.io.rapid_mat import read_rapid
 from gridfold.io.tables import (
     Table,
@@ -25,12 +30,19 @@ from gridfold.io.tables import (
 )
 
 _BUILT_IN = Path(__file__).resolve().parent.parent / "cases"
-_TABLES: dict[str, type] = {
+#: Tables of the network, and the records in them.
+TABLES: Mapping[str, type] = {
     "buses": Bus,
     "branches": Branch,
     "generators": Generator,
     "loads": Load,
     "shunts": Shunt,
+}
+#: Records that stand in ``case.toml``, by kind.
+RECORDS: Mapping[str, Mapping[str, type]] = {
+    "replacements": {"replacement": Replacement},
+    "dc_lines": {"thyristors": ThyristorLine, "transistors": TransistorLine},
+    "flow_controls": {"unit": UnitControl, "shunt": ShuntControl},
 }
 _SETTINGS: dict[str, tuple[type, ...]] = {
     "name": (str,),
@@ -41,8 +53,13 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "area_names": (dict,),
     "zone_names": (dict,),
     "owner_names": (dict,),
+    "unsupported": (list,),
+    "unplaced": (list,),
+    "notices": (list,),
+    "replacements": (list,),
+    "dc_lines": (list,),
+    "flow_controls": (list,),
 }
-_NAMES = ("area_names", "zone_names", "owner_names")
 _DEPTH_LIMIT = 8
 
 
@@ -91,7 +108,7 @@ def _files(folder: Path, depth: int) -> list[Path]:
     if depth > _DEPTH_LIMIT or folder.parent == _BUILT_IN:
         return []
     settings = _read_settings(folder / "case.toml")
-    tables = [folder / f"{name}.csv" for name in _TABLES]
+    tables = [folder / f"{name}.csv" for name in TABLES]
     files = [folder / "case.toml", *(path for path in tables if path.is_file())]
     files += sorted((folder / "devices").glob("*.csv"))
     if "extends" in settings:
@@ -128,12 +145,12 @@ def _read_case(folder: Path, depth: int) -> Case:
         parent = _resolve(settings.pop("extends"), folder, str(folder / "case.toml"))
         base = replace(_read_case(parent, depth + 1), name=folder.name)
     faults = [
-        f"{path}: unknown table; {suggest(path.stem, list(_TABLES))}"
+        f"{path}: unknown table; {suggest(path.stem, list(TABLES))}"
         for path in sorted(folder.glob("*.csv"))
-        if path.stem not in _TABLES
+        if path.stem not in TABLES
     ]
     origins = dict(base.origins)
-    for name, record_type in _TABLES.items():
+    for name, record_type in TABLES.items():
         path = folder / f"{name}.csv"
         if path.is_file():
             records, found = _read_records(path, record_type, origins)
@@ -157,15 +174,36 @@ def _read_settings(path: Path) -> dict[str, Any]:
             faults.append(f"unknown setting {name!r}; {suggest(name, list(_SETTINGS))}")
         elif not isinstance(value, _SETTINGS[name]) or isinstance(value, bool):
             faults.append(f"{name}: {value!r} has the wrong type")
-    for key in _NAMES:
-        if isinstance(settings.get(key), dict):
+    for key, converted in _CONVERTED.items():
+        if isinstance(settings.get(key), _SETTINGS[key]):
             try:
-                settings[key] = {int(number): str(name) for number, name in settings[key].items()}
-            except ValueError as error:
+                settings[key] = converted(settings[key])
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
                 faults.append(f"{key}: {error}")
     if faults:
         raise CaseFileError(faults, str(path))
     return settings
+
+
+def _names(table: Mapping[str, Any]) -> dict[int, str]:
+    return {int(number): str(name) for number, name in table.items()}
+
+
+def _texts(values: Sequence[Any]) -> tuple[str, ...]:
+    if strange := [value for value in values if not isinstance(value, str)]:
+        raise TypeError(f"{strange[0]!r} is no text")
+    return tuple(values)
+
+
+def _records(kinds: Mapping[str, type]) -> Callable[[Sequence[Mapping[str, Any]]], tuple[Any, ...]]:
+    return lambda tables: tuple(record_of(kinds, table) for table in tables)
+
+
+_CONVERTED: Mapping[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("area_names", "zone_names", "owner_names"), _names),
+    **dict.fromkeys(("unsupported", "unplaced", "notices"), _texts),
+    **{name: _records(kinds) for name, kinds in RECORDS.items()},
+}
 
 
 def _merge(base: tuple[Any, ...], records: list[Any]) -> tuple[Any, ...]:

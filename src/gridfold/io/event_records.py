@@ -54,13 +54,13 @@ def load_events(path: str | Path) -> list[Event]:
     """Events from a TOML file of ``[[event]]`` tables, each with its ``kind``."""
     return [
         event_from_record(record, f"{path}: event {number}")
-        for number, record in enumerate(_tables(path, "event"), start=1)
+        for number, record in enumerate(read_tables(path, "event"), start=1)
     ]
 
 
 def load_relays(path: str | Path) -> list[Relay]:
     """Relays from a TOML file of ``[[relays]]`` tables, each with its ``kind``."""
-    return relays_of(_tables(path, "relays"), f"{path}: ")
+    return relays_of(read_tables(path, "relays"), f"{path}: ")
 
 
 def relays_of(records: Sequence[Mapping[str, Any]], where: str = "") -> list[Relay]:
@@ -82,8 +82,14 @@ def relays_of(records: Sequence[Mapping[str, Any]], where: str = "") -> list[Rel
     return relays
 
 
-def _tables(path: str | Path, name: str) -> list[dict[str, Any]]:
-    """The tables of that name, which are all there is in a TOML file."""
+def read_tables(path: str | Path, name: str) -> list[dict[str, Any]]:
+    """The tables of that name, which are all there is in a TOML file.
+
+    Raises
+    ------
+    EventError
+        The file cannot be read, or holds something else.
+    """
     try:
         data = read_toml(Path(path))
     except CaseFileError as error:

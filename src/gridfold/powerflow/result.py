@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,22 @@ class PowerFlowResult(Card):
         """Active power lost in branches and shunts, in MW; that of dc lines is not among it."""
         total = self.unit_power.sum() - self.load_power.sum() - self.converter_power.sum()
         return float(total.real) * self.case.base_mva
+
+    @property
+    def solved_case(self) -> Case:
+        """The case with this solution as its stored state: voltages, and powers of units in service."""
+        buses = tuple(
+            replace(bus, voltage_pu=float(abs(v)), angle_deg=float(np.degrees(np.angle(v))))
+            for bus, v in zip(self.case.buses, self.voltage, strict=True)
+        )
+        powers = self.unit_power * self.case.base_mva
+        generators = tuple(
+            replace(unit, active_mw=float(s.real), reactive_mvar=float(s.imag))
+            if unit.in_service
+            else unit
+            for unit, s in zip(self.case.generators, powers, strict=True)
+        )
+        return replace(self.case, buses=buses, generators=generators)
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -85,7 +85,8 @@ def _load_shed(event: Record) -> str:
 
 
 def _redispatch(event: Record) -> str:
-    return f"units in {_selection(event)} give {event['active_mw']:+g} MW from the start"
+    which = event.get("units") or f"in {_selection(event)}"
+    return f"units {which} give {event['active_mw']:+g} MW from the start"
 
 
 def _shunt_step(event: Record) -> str:

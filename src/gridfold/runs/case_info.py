@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from gridfold.dynamics.plausible import case_doubts, model_doubts
 from gridfold.dynamics.psse_models import kind_of
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, with_user_written
 from gridfold.dynamics.registry import DEVICES
+from gridfold.editing import Edit
 from gridfold.errors import CaseError, InitializationError, PowerFlowError
 from gridfold.grid.case import Branch, Case
 from gridfold.grid.doubts import Doubt
@@ -27,7 +28,7 @@ from gridfold.io.powerio_cases import read_network
 from gridfold.io.unit_sources import read_unit_sources, with_sources
 from gridfold.powerflow import PowerFlowResult, solve_power_flow
 from gridfold.runs.basis import Basis, basis_of, basis_of_case
-from gridfold.runs.loading import Solve, solved_as, with_devices
+from gridfold.runs.loading import Solve, edited, solved_as, with_devices
 from gridfold.runs.unstable_start import with_start_checked
 
 
@@ -107,6 +108,7 @@ def examine_files(
     unit_sources: str | Path | None = None,
     solve: Solve = Solve.STORED,
     devices: Mapping[str, Device] = DEVICES,
+    edits: Sequence[Edit] = (),
 ) -> CaseInfo:
     """What is in a RAW or MATPOWER file and a DYR file, and how far gridfold gets with them.
 
@@ -119,12 +121,13 @@ def examine_files(
     if unit_sources is not None:
         case = with_sources(case, read_unit_sources(unit_sources, case))
     try:
-        case = solved_as(case, solve)
+        case = case if edits else solved_as(case, solve)
     except PowerFlowError as error:
         return CaseInfo(
             case, basis_of_case(case, loads, _doubts(case, None, devices)), trouble=str(error)
         )
     if dyr is None:
+        case = edited(case, edits, solve) if edits else case
         flow, trouble = _flow(case)
         basis = basis_of_case(case, loads, _doubts(case, flow, devices), flow=flow)
         return CaseInfo(case, basis, power_flow=flow, trouble=trouble)
@@ -134,8 +137,11 @@ def examine_files(
         case = with_devices(case, data, unsupported, without_data, devices)
     except CaseError as error:
         flow, trouble = _flow(case)
+        if edits:
+            trouble = "\n".join(filter(None, ("Edits are not made: models are missing.", trouble)))
         basis = basis_of_case(case, loads, _doubts(case, flow, devices), tuple(error.faults), flow)
         return CaseInfo(case, basis, models, data.skipped, error.advice, flow, None, trouble)
+    case = edited(case, edits, solve, devices) if edits else case
     flow, trouble = _flow(case)
     model = None
     if flow is not None:

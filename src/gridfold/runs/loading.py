@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -14,6 +14,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models, telling_own_errors
 from gridfold.dynamics.psse_records import Unsupported, WithoutData, device_records
 from gridfold.dynamics.registry import DEVICES
+from gridfold.editing import Edit, apply_edits
 from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case
 from gridfold.grid.dynamic_records import DynamicData
@@ -78,6 +79,7 @@ def load_case(
     allow_unsupported_network: bool = False,
     raw_revision: int | None = None,
     solve: Solve | str = Solve.STORED,
+    edits: Sequence[Edit] = (),
     strict: bool = False,
     devices: Devices = DEVICES,
 ) -> Case:
@@ -106,6 +108,8 @@ def load_case(
         Keep the stored operating point, in which units hold the stored voltage of their bus; or find
         that of the file's set points, reactive limits and switched shunts
         (:func:`gridfold.powerflow.limits.with_limits`), and tell what moved in ``Case.notices``.
+    edits : sequence of Edit
+        What is changed, before the operating point is solved (:func:`gridfold.load_edits`).
     strict : bool
         Refuse data that are hardly meant, and dynamic data of units that the network does not have.
     devices : Device, iterable of Device, or mapping
@@ -124,13 +128,14 @@ def load_case(
         There is no operating point within limits, or none was found.
     """
     wanted = _choice("solve", Solve, solve)
+    first = Solve.STORED if edits else wanted
     models = device_models(devices)
     if not is_network_file(source, dyr):
         if raw_revision is not None:
             raise OptionError(f"raw_revision is for RAW files of PSS/E, not for {source}")
         if unit_sources is not None:
             raise OptionError(f"unit_sources is for PSS/E's dynamic data, not for {source}")
-        case = solved_as(read_case(source), wanted)
+        case = solved_as(read_case(source), first)
     else:
         case = load_psse(
             source,
@@ -140,9 +145,11 @@ def load_case(
             unit_sources=unit_sources,
             allow_unsupported_network=allow_unsupported_network,
             raw_revision=raw_revision,
-            solve=wanted,
+            solve=first,
             devices=models,
         ).case
+    if edits:
+        case = edited(case, edits, wanted, models)
     if strict:
         with telling_own_errors(models.values()):
             refuse_doubtful_case(case, models)
@@ -152,6 +159,14 @@ def load_case(
 def solved_as(case: Case, solve: Solve) -> Case:
     """The case at the operating point that is wanted; raises as :func:`load_case`."""
     return with_limits(case) if solve is Solve.LIMITS else case
+
+
+def edited(
+    case: Case, edits: Sequence[Edit], solve: Solve, devices: Mapping[str, Device] = DEVICES
+) -> Case:
+    """The case with edits, and then at the operating point that is wanted."""
+    with telling_own_errors(devices.values()):
+        return solved_as(apply_edits(case, edits, devices), solve)
 
 
 def is_network_file(source: str | Path, dyr: str | Path | None = None) -> bool:

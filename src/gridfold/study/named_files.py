@@ -65,7 +65,8 @@ def _data_files(study: Study, folder: Path) -> Iterator[tuple[str, Path]]:
     for path in case_files(source):
         inside = Path(os.path.relpath(path, source)).as_posix()
         yield str(Path(study.case.source) / inside), path
-    for name in (study.case.dyr, study.case.unit_sources, study.contingencies.csv):
+    case = study.case
+    for name in (case.dyr, case.unit_sources, case.edits, study.contingencies.csv):
         if name is not None:
             yield name, folder / name
 

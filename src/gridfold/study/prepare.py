@@ -19,6 +19,7 @@ from gridfold.dynamics.plausible import naming_doubts
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.settings import settled
+from gridfold.editing.edit_files import edits_of, load_edits
 from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.choice import Family, ModelSettings
@@ -161,8 +162,10 @@ def do_offline_work(
         Something in the study does not fit.
     """
     early, folder = None, named.folder
-    if named.own_code and study.case.dyr is not None:
-        with suppress(EventError):  # events may name devices that the code brings
+    is_edited = bool(study.edits or study.case.edits)
+    if named.own_code and (study.case.dyr is not None or is_edited):
+        # events and edits may name devices that the code brings, and buses that edits add
+        with suppress(EventError, *((OptionError,) if is_edited else ())):
             _surveyed(_without_records(study), folder, DEVICES)
     else:
         early = _surveyed(study, folder, DEVICES)
@@ -215,14 +218,19 @@ def _start(study: Study, folder: Path, devices: Mapping[str, Device]) -> None:
 
 def _without_records(study: Study) -> Study:
     """The study as far as it can be checked without the models of its own code."""
-    lenient = {"unsupported": Unsupported.DROP, "without_data": WithoutData.NEGATIVE_LOAD}
-    return study.model_copy(update={"case": study.case.model_copy(update=lenient)})
+    lenient = {
+        "unsupported": Unsupported.DROP,
+        "without_data": WithoutData.NEGATIVE_LOAD,
+        "edits": None,
+    }
+    return study.model_copy(update={"case": study.case.model_copy(update=lenient), "edits": ()})
 
 
 def load_grid(study: Study, folder: Path, devices: Mapping[str, Device] = DEVICES) -> Case:
     """The case of a study, with the device models `devices`."""
     wanted = study.case
     dyr = None if wanted.dyr is None else folder / wanted.dyr
+    edits = [] if wanted.edits is None else load_edits(folder / wanted.edits)
     return load_case(
         case_source(wanted.source, folder),
         dyr,
@@ -232,6 +240,7 @@ def load_grid(study: Study, folder: Path, devices: Mapping[str, Device] = DEVICE
         allow_unsupported_network=wanted.allow_unsupported_network,
         raw_revision=wanted.raw_revision,
         solve=wanted.solve,
+        edits=[*edits, *edits_of(study.edits)],
         devices=devices,
     )
 

@@ -129,6 +129,9 @@ class CaseSection(_Section):
         default=Solve.STORED,
         description="The operating point: as stored, or by set points, reactive limits and shunts.",
     )
+    edits: str | None = Field(
+        default=None, description="Edits of the case, a TOML file of [[edits]] tables."
+    )
     strict: bool = Field(
         default=False,
         description="Unusual data, records of no unit and an unstable start are errors.",
@@ -348,6 +351,10 @@ class Study(Card, _Section):
     study_area: StudyArea = StudyArea()
     contingencies: Contingencies = Contingencies()
     contingency: tuple[ContingencySection, ...] = ()
+    edits: tuple[dict[str, Any], ...] = Field(
+        default=(),
+        description="Edits of the case, after those of case.edits, as in a file of edits.",
+    )
     relays: tuple[dict[str, Any], ...] = Field(
         default=(), description="Relays that watch every run, as in a file of relays."
     )
