@@ -60,8 +60,8 @@ def test_event_written_as_words_reads_back_as_the_event(event):
 @pytest.mark.parametrize("kind", EVENTS)
 def test_record_has_the_kind_and_every_field_that_is_given(kind):
     samples = {
-        "branch": "7-8", "id": "2", "buses": "7", "areas": "1", "zones": "1", "model": "sexs", "units": "7:1",
-        "parameter": "inertia", "bus": 1, "trip": False, "trip_bus": True,
+        "branch": "7-8", "id": "2", "buses": "7", "areas": "1", "zones": "1", "model": "sexs",
+        "units": "7:1", "parameter": "inertia", "bus": 1, "trip": False, "trip_bus": True,
     }  # fmt: skip
     names = [item.name for item in fields(EVENTS[kind])]
     event = EVENTS[kind](**{name: samples.get(name, 0.5) for name in names})
