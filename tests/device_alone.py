@@ -78,13 +78,18 @@ class Alone:
     def inputs(self, **changes: float) -> np.ndarray:
         u = self.u.copy()
         for name, change in changes.items():
-            u[self.device.inputs.index(name)] += change
+            u[self.columns(name)] += change
         return u
+
+    def columns(self, name: str) -> list[int]:
+        """Inputs of a name; the terminal voltage is also what feeds an exciter."""
+        also = ("supply_voltage",) if name == "terminal_voltage" else ()
+        return [k for k, own in enumerate(self.device.inputs) if own in (name, *also)]
 
     def gain(self, name: str, s: complex, output: str = "field_voltage") -> complex:
         """Transfer function from the input `name` to the signal `output`, linearized."""
         n = len(self.device.states)
-        column = self.device.inputs.index(name)
+        columns = [n + column for column in self.columns(name)]
 
         def evaluate(z):
             y, dx = self.stages(z[:n], z[n:])
@@ -93,8 +98,8 @@ class Alone:
             return np.concatenate([dx, [rows[names.index(output)]]])
 
         jacobian = complex_step_jacobian(evaluate, np.concatenate([self.x, self.u]))[:, :, 0]
-        a, b = jacobian[:n, :n], jacobian[:n, n + column]
-        c, d = jacobian[n, :n], jacobian[n, n + column]
+        a, b = jacobian[:n, :n], jacobian[:n, columns].sum(axis=1)
+        c, d = jacobian[n, :n], jacobian[n, columns].sum()
         return complex(c @ np.linalg.solve(s * np.eye(n) - a, b) + d)
 
     def run(self, u: np.ndarray, seconds: float, x: np.ndarray | None = None, step: float = 5e-4):

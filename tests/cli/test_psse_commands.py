@@ -94,7 +94,7 @@ def test_info_does_not_stop_for_missing_models(command):
     facts = record(command, "info", RAW, LACKING)
     lacking = {item["model"] for item in facts["device_models"] if not item["implemented"]}
     assert lacking == {
-        "IEELAL", "FRQTPAT", "GENTPJ1", "EXBAS", "MAXEX2", "REGCB1", "REECD1", "TWDM1T",
+        "CLODAL", "FRQTPAT", "GENTPF", "EXBAS", "MAXEX1", "REGCB1", "REECD1", "TWDM1T",
     }  # fmt: skip
     assert {line.split()[0] for line in facts["missing"]} == lacking
     assert facts["validated"] is False
@@ -175,7 +175,7 @@ def test_simulate_stores_what_was_used_in_every_file(command, tmp_path):
     )  # fmt: skip
     assert code == 0
     assert "not validated: 9 kinds of dynamic data" in out
-    assert "GENTPJ1: classical machine GENCLS" in out
+    assert "GENTPF: classical machine GENCLS" in out
     import pyarrow.parquet as pq
 
     with np.load(files["npz"]) as archive:
@@ -189,10 +189,10 @@ def test_simulate_stores_what_was_used_in_every_file(command, tmp_path):
         assert facts["method"] == "rk4"
         assert facts["method_reason"]
         found = {item["model"]: item for item in facts["replacements"]}
-        assert found["GENTPJ1"]["outcome"] == "classical machine GENCLS"
-        assert found["GENTPJ1"]["active_mw"] == 60.0
+        assert found["GENTPF"]["outcome"] == "classical machine GENCLS"
+        assert found["GENTPF"]["active_mw"] == 60.0
         assert found["REGCB1"]["outcome"] == "negative load"
-        assert found["IEELAL"]["share"] == 1.0
+        assert found["CLODAL"]["share"] == 1.0
 
 
 def test_a_case_tells_the_faults_of_all_its_stages_and_their_options_at_once(command, tmp_path):
@@ -262,7 +262,7 @@ def test_missing_models_end_a_study_with_their_list_and_advice(command, argument
     name, *options = arguments
     text = refusal(command, name, RAW, LACKING, *options)
     assert "models_we_lack.dyr: 8 faults" in text
-    assert "GENTPJ1 (machine) is not supported: 1 record at 1:1, 60.0 MW (46.2% of" in text
+    assert "GENTPF (machine) is not supported: 1 record at 1:1, 60.0 MW (46.2% of" in text
     assert "--unsupported classical" in text
 
 
@@ -392,15 +392,15 @@ def test_kundur_skips_the_switching_record_of_andes(command):
     ]
 
 
-def test_new_england_runs_without_its_island_and_load_model(command):
+def test_new_england_runs_without_its_island(command):
     files = public(NEW_ENGLAND)
     assert "--allow-unsupported-network" in refusal(command, "simulate", *files)
     facts = record(
-        command, "simulate", *files, "--allow-unsupported-network", "--unsupported", "drop",
+        command, "simulate", *files, "--allow-unsupported-network",
         "--fault-bus", 16, "--fault-duration", 0.05, "--t-end", 0.5,
     )  # fmt: skip
     assert facts["status"] == "completed"
-    assert [item["model"] for item in facts["replacements"]] == ["IEELAL"]
+    assert facts["replacements"] == []
     assert len(facts["unsupported"]) == 1
     assert facts["validated"] is False
 

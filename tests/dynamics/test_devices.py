@@ -77,13 +77,18 @@ def test_start_has_as_many_targets_as_free_quantities(device):
     assert len(device.targets) == len(device.set_points) + len(device.solved_inputs)
 
 
-def test_only_machines_have_a_source_and_with_converters_no_admittance(device):
-    is_machine = device.role is Role.MACHINE
+def test_only_machines_and_devices_of_loads_have_a_source_and_without_converters_an_admittance(
+    device,
+):
+    is_machine = device.role in (Role.MACHINE, Role.LOAD)
     assert (device.source is not None) == is_machine
     assert (device.admittance is not None) == (is_machine and device.model != "regca1")
 
 
-@pytest.mark.parametrize("model", [m for m, d in DEVICES.items() if d.admittance is not None])
+@pytest.mark.parametrize(
+    "model",
+    [m for m, d in DEVICES.items() if d.admittance is not None and d.characteristic is None],
+)
 def test_admittance_is_the_slope_of_the_stator_current(model):
     device = DEVICES[model]
     x, p = some_rows(len(device.states), 1), some_rows(len(device.parameter_rows), 2)

@@ -105,9 +105,8 @@ def test_a_linearized_external_area_has_the_slopes_of_its_loads(model):
 
 
 def test_slopes_equal_differences_on_both_sides_of_the_break_voltage():
-    loads = NonlinearLoads(
-        (1, 2), np.array([1 + 0.5j, 0.2j]), np.array([0.3, 0.4 - 0.1j]), np.ones(2)
-    )
+    power = np.array([[1 + 0.5j, 0.3, 0.2j], [0.2j, 0.4 - 0.1j, 0.3]])
+    loads = NonlinearLoads((1, 2), np.array([0.0, 1.0, 2.7]), power, np.ones(2))
     for size in (0.3, 0.69, 0.71, 1.05):
         v, h = size * np.exp(1j * np.array([0.3, -2.0])), 1e-7
         for column, turn in enumerate((1.0, 1j)):
@@ -117,7 +116,8 @@ def test_slopes_equal_differences_on_both_sides_of_the_break_voltage():
 
 
 def test_below_the_break_voltage_a_load_is_an_impedance():
-    loads = NonlinearLoads((1,), np.array([1 + 0.5j]), np.array([0.3 + 0j]), np.ones(1))
+    power = np.array([[1 + 0.5j, 0.3, -0.2j]])
+    loads = NonlinearLoads((1,), np.array([0.0, 1.0, 1.4]), power, np.ones(1))
     low, lower = (loads.currents(np.array([v + 0j])) for v in (0.6, 0.3))
     np.testing.assert_allclose(low, 2 * lower, rtol=1e-12)
 

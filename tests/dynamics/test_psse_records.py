@@ -242,17 +242,17 @@ def test_two_devices_of_one_role_at_a_unit_are_refused_supported_or_not(case):
 
 def test_every_unsupported_model_is_listed_with_its_count_at_once(case):
     rows = [
-        ("GENTPJ1", 1, GENROU),
+        ("GENTPF", 1, GENROU),
         ("EXBAS", 1, EXBAS),
-        ("GENTPJ1", 2, GENROU),
-        ("IEELAL", 0, "*", (0.4,)),
+        ("GENTPF", 2, GENROU),
+        ("CLODAL", 0, "*", (0.4,)),
         ("MYSVC", 2, "7", ()),
     ]
     written = SkippedRecord(9, "2 'USRMDL' 1 'MYGOV'", gf.UnitKey(2, "1"))
     assert faults_of(case, data(*rows, skipped=[written])) == [
-        "IEELAL (load model) is not supported: 1 record at 0:*, 150.0 MW (100.0% of load), line 4",
+        "CLODAL (load model) is not supported: 1 record at 0:*, 150.0 MW (100.0% of load), line 4",
         "MYSVC (unknown) is not supported: 1 record at 2:7, line 5",
-        "GENTPJ1 (machine) is not supported: 2 records, 150.0 MW (100.0% of generation), "
+        "GENTPF (machine) is not supported: 2 records, 150.0 MW (100.0% of generation), "
         "first 1:1, line 1",
         "EXBAS (exciter) is not supported: 1 record at 1:1, 60.0 MW (40.0% of generation), line 2",
         "a user-written model is not supported: line 9: 2 'USRMDL' 1 'MYGOV'",
@@ -261,16 +261,16 @@ def test_every_unsupported_model_is_listed_with_its_count_at_once(case):
 
 @pytest.mark.parametrize("unsupported", [Unsupported.CLASSICAL, Unsupported.DROP])
 def test_controllers_that_are_not_supported_are_left_out(case, unsupported):
-    rows = [*WHOLE, ("EXBAS", 1, EXBAS), ("TWDM1T", 1, ()), ("PSS3B", 1, ()), ("MAXEX2", 1, ())]
-    rows += [("IEEEVC", 1, ()), ("NEWONE", 1, ()), ("TGOV1", 2, TGOV1)]
+    rows = [*WHOLE, ("EXBAS", 1, EXBAS), ("TWDM1T", 1, ()), ("PSS3B", 1, ()), ("MAXEX1", 1, ())]
+    rows += [("COMPCC", 1, ()), ("NEWONE", 1, ()), ("TGOV1", 2, TGOV1)]
     found = device_records(case, data(*rows), unsupported=unsupported)
     assert list(by_name(found)) == ["genrou 1:1", "gencls 2:1", "tgov1 2:1"]
     assert outcomes(found) == {
         ("EXBAS", "left out, constant field voltage"): ["1:1"],
         ("TWDM1T", "left out, constant mechanical power"): ["1:1"],
         ("PSS3B", "left out"): ["1:1"],
-        ("MAXEX2", "left out"): ["1:1"],
-        ("IEEEVC", "left out, the exciter holds the terminal voltage"): ["1:1"],
+        ("MAXEX1", "left out"): ["1:1"],
+        ("COMPCC", "left out, the exciter holds the terminal voltage"): ["1:1"],
         ("NEWONE", "left out"): ["1:1"],
     }
     for item in found.replaced:
@@ -282,7 +282,7 @@ def test_controllers_that_are_not_supported_are_left_out(case, unsupported):
     [
         ("GENTPF", GENROU, (5.0, 1.0, 0.3)),
         ("GENDCO", (*GENROU, 0.1), (5.0, 1.0, 0.3)),
-        ("GENTPJ1", (*GENROU, 0.1, 0.0), (5.0, 1.0, 0.3)),
+        ("GENTPF", (*GENROU, 0.1, 0.0), (5.0, 1.0, 0.3)),
         ("GENTRA", (6.5, 5.0, 1.0, 1.8, 1.1, 0.3, 0.05, 0.3, 0.0), (5.0, 1.0, 0.3)),
     ],
 )
@@ -304,15 +304,15 @@ def test_machine_becomes_classical_with_its_inertia_damping_and_transient_reacta
 
 
 def test_a_short_record_of_a_machine_that_is_replaced_is_refused(case):
-    rows = data(WHOLE[0], ("GENTPJ1", 2, GENROU[:8]))
+    rows = data(WHOLE[0], ("GENTPF", 2, GENROU[:8]))
     faults = faults_of(case, rows, unsupported=Unsupported.CLASSICAL)
-    assert faults == ["GENTPJ1 2:1 (own.dyr:2): expected at least 9 values, found 8"]
+    assert faults == ["GENTPF 2:1 (own.dyr:2): expected at least 9 values, found 8"]
 
 
 @pytest.mark.parametrize(
     ("model", "unsupported"),
     [
-        ("GENTPJ1", Unsupported.DROP),
+        ("GENTPF", Unsupported.DROP),
         ("REGCB1", Unsupported.CLASSICAL),
         ("REGCB1", Unsupported.DROP),
         ("CGEN1", Unsupported.CLASSICAL),
@@ -336,10 +336,10 @@ def test_what_cannot_be_a_machine_is_a_negative_load_without_controllers(case, m
 @pytest.mark.parametrize(
     ("model", "place", "power"),
     [
-        ("IEELAL", (0, "*"), LOAD_MW),
+        ("CLODAL", (0, "*"), LOAD_MW),
         ("CLODBL", (2, "A"), 100.0),
-        ("IEELBL", (2, "*"), 100.0),
-        ("IEELBL", (2, "B"), 0.0),
+        ("CLODBL", (2, "*"), 100.0),
+        ("CLODBL", (2, "B"), 0.0),
         ("ACMTAR", (7, "*"), 100.0),
         ("CMLDBLU1", (2, "A"), 100.0),
         ("CLODZN", (1, "*"), LOAD_MW),
@@ -464,7 +464,7 @@ def test_the_table_of_names_agrees_with_the_models_that_gridfold_has():
 
 
 def test_positions_for_a_classical_machine_agree_with_the_models_that_gridfold_has():
-    for model in ("GENROE", "GENROU", "GENSAE", "GENSAL"):
+    for model in ("GENROE", "GENROU", "GENSAE", "GENSAL", "GENTPJ1"):
         columns = DEVICES[model.lower()].psse_record
         names = ("inertia", "damping", "d_transient_reactance")
         assert tuple(columns.index(name) for name in names) == CLASSICAL_COLUMNS[model]

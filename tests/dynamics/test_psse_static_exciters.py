@@ -173,7 +173,7 @@ def test_ceiling_of_esst1a_follows_the_terminal_voltage_and_falls_with_the_field
     exciter = alone("esst1a", feedback_gain=0.0)
     u = exciter.inputs(stabilizer_signal=0.5, field_current=0.4)
     x = exciter.run(u, 5.0, step=2e-3)[-1]
-    v_t, _, i_fd = u[:, 0]
+    v_t, _, i_fd, _ = u[:, 0]
     assert exciter.signals(x, u)["field_voltage"] == pytest.approx(6.0 * v_t - 0.1 * i_fd, abs=1e-9)
     low = exciter.inputs(stabilizer_signal=-0.5)
     x = exciter.run(low, 5.0, step=2e-3)[-1]

@@ -69,7 +69,7 @@ def test_models_that_gridfold_lacks_are_listed_all_at_once():
     with pytest.raises(gf.CaseError) as raised:
         own("models_we_lack.dyr")
     faults = raised.value.faults
-    lacking = ["IEELAL", "FRQTPAT", "GENTPJ1", "EXBAS", "MAXEX2", "REGCB1", "REECD1", "TWDM1T"]
+    lacking = ["CLODAL", "FRQTPAT", "GENTPF", "EXBAS", "MAXEX1", "REGCB1", "REECD1", "TWDM1T"]
     assert [fault.split()[0] for fault in faults] == lacking
 
 
@@ -86,7 +86,7 @@ def test_what_was_replaced_goes_with_the_case(choice, devices, machine):
     assert loaded.case.unsupported == ()
     assert loaded.case.replacements == loaded.replacements
     told = [str(item) for item in loaded.case.replacements]
-    assert f"GENTPJ1: {machine}; 1 record at 1:1, 60.0 MW (46.2% of generation)" in told
+    assert f"GENTPF: {machine}; 1 record at 1:1, 60.0 MW (46.2% of generation)" in told
     assert loaded.notices == ()
     assert loaded.case.unplaced == ("GENROU 9:1 (models_we_lack.dyr:9): there is no bus 9",)
     if choice == "classical":
@@ -144,14 +144,10 @@ def test_npcc_conversion_starts_at_an_equilibrium():
     assert np.abs(model.compiled(model.x0)).max() < 1e-9
 
 
-def test_new_england_system_needs_its_load_model_dropped():
-    with pytest.raises(gf.CaseError, match=r"IEELAL \(load model\) is not supported: 1 record"):
-        public(NEW_ENGLAND, allow_unsupported_network=True)
-    loaded = public(NEW_ENGLAND, allow_unsupported_network=True, unsupported="drop")
-    assert models(loaded) == {"genrou": 10, "ieeet1": 10, "ieeeg1": 10}
-    assert [(item.model, item.of, item.share) for item in loaded.replacements] == [
-        ("IEELAL", "load", 1.0)
-    ]
+def test_new_england_system_has_the_load_model_of_its_file():
+    loaded = public(NEW_ENGLAND, allow_unsupported_network=True)
+    assert models(loaded) == {"genrou": 10, "ieeet1": 10, "ieeeg1": 10, "ieel": 19}
+    assert loaded.replacements == loaded.case.unplaced == ()
     assert len(loaded.case.unsupported) == 1  # an island without a slack unit
     model = gf.build_model(loaded.case)
     assert np.abs(model.compiled(model.x0)).max() < 1e-9

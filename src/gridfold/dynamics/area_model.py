@@ -256,9 +256,7 @@ def _network(model: DetailedModel, layout: Layout, held: HeldBoundary | None) ->
     if held is not None:
         return held_network(model, layout, held.study, held.buses)
     equations = build_equations(model.power_flow, model.injections, layout.terminals, model.state)
-    return compile_with_loads(
-        equations, model.backend, layout.terminals, model.injections, model.power_flow
-    )
+    return compile_with_loads(equations, model.backend, layout.terminals, model.injections)
 
 
 def _held_places(

@@ -9,16 +9,17 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device import LIMITERS, Device, Role, Terms
 from gridfold.dynamics.device_functions import parameter_faults
 from gridfold.dynamics.layout import Group
+from gridfold.dynamics.limiters.regulator_input import REGULATOR_INPUT
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
 from gridfold.grid.case import Case, DeviceRecord, UnitKey
 
 
 def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]:
-    """Groups of (device, units, parameter rows) of all generators in service.
+    """Groups of (device, units, parameter rows) of all generators and loads in service.
 
     Raises
     ------
@@ -30,15 +31,56 @@ def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]
     if faults:
         raise CaseError(faults, f"case {case.name}, dynamic devices")
     groups: list[Group] = []
-    base = {g.key: g.base_mva for g in case.generators if g.in_service}
+    ratings = _Ratings(case)
+    live = [g.key for g in case.generators if g.in_service]
+    live += [load.key for load in case.loads if load.in_service]
     for device in devices.values():
-        by_unit = {r.key: r for r in case.devices if r.model == device.model and r.key in base}
-        units = [unit for unit in base if unit in by_unit]
+        by_unit = {r.key: r for r in case.devices if r.model == device.model}
+        units = [
+            unit
+            for unit in live
+            if unit in by_unit and device.has_dynamics(by_unit[unit].parameters)
+        ]
         if units:
             records = [by_unit[unit] for unit in units]
-            bases = np.array([base[unit] for unit in units])
+            bases = np.array([ratings.of(device, record) for record in records])
             groups.append((device, units, _parameter_rows(device, records, bases, case)))
+    limited = {
+        unit: None for device, units, _ in groups if device.role in LIMITERS for unit in units
+    }
+    if limited:
+        speed = np.full((1, len(limited)), 2 * np.pi * case.frequency_hz)
+        groups.append((REGULATOR_INPUT, list(limited), speed))
     return groups
+
+
+def load_characteristics(
+    case: Case, devices: Mapping[str, Device] = DEVICES
+) -> dict[UnitKey, Terms]:
+    """Voltage dependence of loads in service that have a record of it."""
+    live = {load.key for load in case.loads if load.in_service}
+    found: dict[UnitKey, Terms] = {}
+    for record in case.devices:
+        device = devices.get(record.model)
+        if device is not None and device.characteristic is not None and record.key in live:
+            found[record.key] = device.characteristic(record.parameters)
+    return found
+
+
+class _Ratings:
+    """Bases in MVA of devices of a case."""
+
+    def __init__(self, case: Case):
+        self.system_mva = case.base_mva
+        self.units = {generator.key: generator.base_mva for generator in case.generators}
+        self.loads = {load.key: case.stored_power(load).real for load in case.loads}
+
+    def of(self, device: Device, record: DeviceRecord) -> float:
+        """Base of a device: that of its generator, or what the device says of its load."""
+        load_mw = self.loads.get(record.key)
+        if load_mw is None or device.rating is None:
+            return self.units.get(record.key, self.system_mva)
+        return device.rating(record.parameters, load_mw)
 
 
 def negative_loads(case: Case) -> frozenset[UnitKey]:
@@ -73,11 +115,10 @@ def device_faults(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterat
             f"{model}: {count} units of an unknown model, first {case.locate(first)}; known: {known}; "
             "--devices FILE.py (devices=) gives models of your own"
         )
-    bases = {generator.key: generator.base_mva for generator in case.generators}
+    ratings = _Ratings(case)
     for record in case.devices:
         if record.model in devices:
-            base = bases.get(record.key, case.base_mva)
-            for fault in _record_faults(devices[record.model], record, base):
+            for fault in _record_faults(devices[record.model], record, ratings):
                 yield f"{case.locate(record)}: {fault}"
         elif record.model == NEGATIVE_LOAD and record.parameters:
             names = ", ".join(record.parameters)
@@ -85,7 +126,10 @@ def device_faults(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterat
     yield from _role_faults(case, devices)
 
 
-def _record_faults(device: Device, record: DeviceRecord, base_mva: float) -> Iterator[str]:
+def _record_faults(device: Device, record: DeviceRecord, ratings: _Ratings) -> Iterator[str]:
+    if (device.role is Role.LOAD) != (record.key in ratings.loads):
+        its, other = ("load", "generator") if device.role is Role.LOAD else ("generator", "load")
+        yield f"it is a device of a {its}, but {record.key} is a {other}"
     known = {parameter.name: parameter for parameter in device.parameters}
     sound = True
     for name in record.parameters:
@@ -103,8 +147,14 @@ def _record_faults(device: Device, record: DeviceRecord, base_mva: float) -> Ite
             yield f"{parameter.name} must be {parameter.bound.value}, not {value!r}"
         else:
             values[parameter.name] = value
-    if sound:
+    if not sound:
+        return
+    base_mva = ratings.of(device, record)
+    if base_mva > 0:
         yield from parameter_faults(device, device.acting(values, base_mva))
+    else:
+        drawn = ratings.loads[record.key]
+        yield f"its base is {base_mva:g} MVA and must be positive; the load draws {drawn:g} MW"
 
 
 def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
@@ -118,6 +168,8 @@ def _role_faults(case: Case, devices: Mapping[str, Device]) -> Iterator[str]:
     for (unit, role), models in roles.items():
         if len(models) > 1:
             yield f"unit {unit} has {len(models)} devices of one role: {', '.join(models)}"
+        if role is Role.LOAD:
+            continue
         if (unit, Role.MACHINE) not in roles or (
             role is not Role.MACHINE and NEGATIVE_LOAD in roles[unit, Role.MACHINE]
         ):

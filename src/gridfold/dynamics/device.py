@@ -12,14 +12,16 @@ derivatives `dx`. A kernel indexes them by row and unit, ``x[ROW, i]``. They are
 2. ``output``      x, u, p, y -> the other rows of y (the network voltages are known now);
 3. ``derivative``  x, u, p, y -> dx.
 
-Only machines have a source. A kernel is plain Python over floats that is compiled twice, for real and
-for complex numbers: the complex one gives the Jacobian, so no derivative is ever coded by hand.
+Only machines and devices of loads have a source. A kernel is plain Python over floats that is
+compiled twice, for real and for complex numbers: the complex one gives the Jacobian, so no derivative
+is ever coded by hand.
 Comparisons in a kernel must therefore use ``.real``. Start values are found by Newton's method on the
 same kernels: no equation is written twice.
 
 Signals are joined by name among the devices of one unit: an input is taken from the state or output of
 that name of another device of the same unit. A device with the input ``name_before`` and the output
-``name`` stands between those that give and those that take that signal.
+``name`` stands between those that give and those that take that signal; compensators and limiters of
+excitation stand between others (:func:`taken`).
 """
 
 from __future__ import annotations
@@ -55,16 +57,21 @@ class Role(IntEnum):
     """What a device is; the order is that in which outputs are evaluated."""
 
     MACHINE = 0
-    STABILIZER = 1
-    EXCITER = 2
-    GOVERNOR = 3
-    TURBINE = 4
-    PLANT_CONTROL = 5
-    TORQUE_CONTROL = 6
-    ELECTRICAL_CONTROL = 7
-    PITCH_CONTROL = 8
-    AERODYNAMICS = 9
-    DRIVE_TRAIN = 10
+    LOAD = 1
+    COMPENSATOR = 2
+    STABILIZER = 3
+    OVEREXCITATION_LIMITER = 4
+    UNDEREXCITATION_LIMITER = 5
+    REGULATOR_INPUT = 6
+    EXCITER = 7
+    GOVERNOR = 8
+    TURBINE = 9
+    PLANT_CONTROL = 10
+    TORQUE_CONTROL = 11
+    ELECTRICAL_CONTROL = 12
+    PITCH_CONTROL = 13
+    AERODYNAMICS = 14
+    DRIVE_TRAIN = 15
 
 
 #: What belongs to a converter: it takes the place of a machine.
@@ -80,6 +87,11 @@ CONVERTER_ROLES = (
 #: Start values follow the demand: the machine says which field voltage and power it needs, and so on.
 START_ORDER = (
     Role.MACHINE,
+    Role.LOAD,
+    Role.COMPENSATOR,
+    Role.OVEREXCITATION_LIMITER,
+    Role.UNDEREXCITATION_LIMITER,
+    Role.REGULATOR_INPUT,
     Role.EXCITER,
     Role.TURBINE,
     Role.GOVERNOR,
@@ -170,6 +182,19 @@ def positions(*names: str | Parameter) -> Any:
     return namedtuple("positions", texts)(*range(len(texts)))
 
 
+#: Limiters of excitation, whose signals are added to that of the stabilizer.
+LIMITERS = (Role.OVEREXCITATION_LIMITER, Role.UNDEREXCITATION_LIMITER)
+#: What an exciter takes in the place of a signal where its unit has it: a compensator stands between
+#: the terminals and the exciter, limiters of excitation between the stabilizer and the exciter.
+BETWEEN = {"terminal_voltage": "compensated_voltage", "stabilizer_signal": "regulator_signal"}
+#: What feeds an exciter from the terminals is their voltage, whatever the exciter measures.
+ALIASES = {"supply_voltage": "terminal_voltage"}
+
+
+#: Terms of a load's voltage dependence: an exponent, and its weights in active and reactive power.
+Terms = tuple[tuple[float, complex], ...]
+
+
 def as_given(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, float]:
     """No value of a parameter stands for a rule."""
     return parameters
@@ -178,6 +203,11 @@ def as_given(parameters: Mapping[str, float], base_mva: float) -> Mapping[str, f
 def nothing_foreseen(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     """No signal is decided before the others are found."""
     return {}
+
+
+def always(parameters: Mapping[str, float]) -> bool:
+    """Every unit has states or outputs."""
+    return True
 
 
 def no_faults(parameters: Mapping[str, float]) -> Iterable[str]:
@@ -230,6 +260,12 @@ class Device(Card):
         Faults of one unit's parameters as they act, beyond their ranges.
     limits : tuple of Limit
         Parameters that are limits. The start is found without them, and then compared with them.
+    rating : callable, optional
+        Of a device of a load: its base in MVA from its parameters and the power of the load in MW.
+    characteristic : callable, optional
+        Of a device of a load: how the power that the network draws there depends on the voltage.
+    has_dynamics : callable
+        Whether parameters of one unit need the kernels at all.
     psse_record : tuple of str or None
         Parameters in the order of its PSS/E record, behind bus, model and id; None is not used.
     psse_measured : tuple of int
@@ -264,6 +300,9 @@ class Device(Card):
     resolve: Callable[[Mapping[str, float], float], Mapping[str, float]] = as_given
     check: Callable[[Mapping[str, float]], Iterable[str]] = no_faults
     limits: tuple[Limit, ...] = ()
+    rating: Callable[[Mapping[str, float], float], float] | None = None
+    characteristic: Callable[[Mapping[str, float]], Terms] | None = None
+    has_dynamics: Callable[[Mapping[str, float]], bool] = always
     psse_record: tuple[str | None, ...] = ()
     psse_measured: tuple[int, ...] = ()
     psse_names: tuple[str, ...] = ()
@@ -282,6 +321,17 @@ class Device(Card):
     def parameter_rows(self) -> tuple[str, ...]:
         """Names of the rows of `p`."""
         return (*(p.name for p in self.parameters), *self.set_points, "base_speed")
+
+    @property
+    def leads(self) -> bool:
+        """Whether it keeps an island alive: a machine that follows no voltage, but has its own."""
+        follows = self.admittance is None or "voltage_angle" in self.states
+        return self.role is Role.MACHINE and not follows
+
+    @property
+    def injects(self) -> bool:
+        """Whether it feeds a current into the network, and so sees the voltage of its bus."""
+        return bool(self.sources)
 
     @property
     def signal_rows(self) -> tuple[str, ...]:
@@ -327,6 +377,13 @@ class Device(Card):
         if self.file is None:
             return None
         return sha256(repr([code_digest(function)[0] for function in written]).encode()).hexdigest()
+
+
+def taken(device: Device, name: str, given: Callable[[str], bool]) -> str:
+    """The signal that an input of a device is, where `given` tells which ones its unit has."""
+    if device.role is Role.EXCITER and name in BETWEEN and given(BETWEEN[name]):
+        return BETWEEN[name]
+    return ALIASES.get(name, name)
 
 
 @cache

@@ -1,6 +1,6 @@
 """Start values: the equilibrium at the power-flow solution.
 
-Block by block, in the order of demand (machine, exciter, turbine, governor, stabilizer), Newton's
+Block by block, in the order of demand (machine, load, exciter, turbine, governor, stabilizer), Newton's
 method finds the states, set points and free inputs for which all derivatives vanish and the targets
 are met. It works on the devices' own kernels, so no start-up formula repeats an equation. Limits are
 taken away for that; one that the start is beyond is named, or moved to the start if asked for.
@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen
+from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen, taken
 from gridfold.dynamics.device_functions import first_guess, foreseen
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
 from gridfold.dynamics.layout import Block, Layout, given_as
@@ -45,12 +45,14 @@ _MOVE = '--on-limit adjust (on_limit="adjust") moves limits to where the operati
 class Start:
     """The layout with all set points filled in, the initial state and the constant inputs.
 
-    `adjusted` tells which limits were moved.
+    `currents` are the Norton currents of the sources, (n_sources,); `adjusted` tells which limits
+    were moved.
     """
 
     layout: Layout
     x0: NDArray[np.float64]
     constants: NDArray[np.float64]
+    currents: NDArray[np.complex128]
     adjusted: tuple[str, ...] = ()
 
 
@@ -80,7 +82,19 @@ def initialize(
             "the operating point is beyond limits:\n  " + "\n  ".join(report.lines), [_MOVE]
         )
     constants = np.array([known[name] for name in layout.constant_names])
-    return Start(replace(layout, blocks=tuple(blocks)), x0, constants, tuple(report.lines))
+    currents = {
+        unit: complex(known[unit, block.device.sources[0]], known[unit, block.device.sources[1]])
+        for block in blocks
+        if block.device.injects
+        for unit in block.units
+    }
+    return Start(
+        replace(layout, blocks=tuple(blocks)),
+        x0,
+        constants,
+        np.array([currents[unit] for unit in layout.source_units], dtype=np.complex128),
+        tuple(report.lines),
+    )
 
 
 def reference_at_speed(
@@ -117,6 +131,7 @@ def _start_all(
 def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
     case = power_flow.case
     power = {g.key: s for g, s in zip(case.generators, power_flow.unit_power, strict=True)}
+    power |= {load.key: -drawn for load, drawn in power_flow.drawn_by_loads()}
     known: Known = {}
     for unit in layout.source_units:
         voltage = power_flow.voltage[case.bus_index[unit.bus]]
@@ -162,7 +177,7 @@ def _start_block(
             known.setdefault((unit, name), value)
     given = [name for name in device.inputs if name not in device.solved_inputs]
     for name in (*given, *device.targets):
-        missing = [unit for unit in units if (unit, name) not in seen]
+        missing = [unit for unit in units if _value_of(device, unit, name, seen) is None]
         if missing:
             raise InitializationError(
                 f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
@@ -172,7 +187,8 @@ def _start_block(
     solution = newton_batch(problem.residual, problem.guess())
     problem.check(solution)
     x, u, p, y = problem.split(solution.astype(np.complex128))
-    for name, row in zip(device.inputs, u.real, strict=True):
+    solved = [device.inputs.index(name) for name in device.solved_inputs]
+    for name, row in zip(device.solved_inputs, u[solved].real, strict=True):
         known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
     for rows, values in ((device.states, x), (device.signal_rows, y)):
         for name, row in zip(rows, values.real, strict=True):
@@ -184,6 +200,13 @@ def _start_block(
         parameters[row] = block.parameters[row]
     _check_limits(block, x.real, u.real, parameters, report)
     return replace(block, parameters=parameters), x.real
+
+
+def _value_of(
+    device: Device, unit: UnitKey, name: str, known: Mapping[tuple[UnitKey, str], float]
+) -> float | None:
+    """Start value of what an input of a device is."""
+    return known.get((unit, taken(device, name, lambda signal: (unit, signal) in known)))
 
 
 def _check_limits(
@@ -224,7 +247,10 @@ class _StartProblem:
         self.device: Device = block.device
         self.unknowns = (*self.device.states, *self.device.set_points, *self.device.solved_inputs)
         names = {*self.device.inputs, *self.device.targets} - set(self.device.solved_inputs)
-        self.known = {name: np.array([known[unit, name] for unit in block.units]) for name in names}
+        self.known = {
+            name: np.array([_value_of(self.device, unit, name, known) for unit in block.units])
+            for name in names
+        }
         self.targets = [self.known[name] for name in self.device.targets]
         self.parameters = dict(zip(self.device.parameter_rows, block.parameters, strict=True))
 
@@ -272,8 +298,10 @@ class _StartProblem:
     def check(self, solution: NDArray[np.float64]) -> None:
         """Raise unless every unit has an equilibrium; names the worst unit and equation."""
         error = np.abs(self.residual(solution.astype(np.complex128)))
+        if not error.size:
+            return
         worst = np.unravel_index(np.argmax(np.nan_to_num(error, nan=np.inf)), error.shape)
-        if error.size and not error[worst] <= _RESIDUAL_LIMIT:
+        if not error[worst] <= _RESIDUAL_LIMIT:
             equations = [f"d {name}/dt" for name in self.device.states]
             equations += [f"target {name}" for name in self.device.targets]
             raise InitializationError(

@@ -7,14 +7,14 @@ All names are resolved to positions here, none while stepping.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import Device, Role
+from gridfold.dynamics.device import Device, taken
 from gridfold.errors import CaseError
 from gridfold.grid.case import UnitKey
 
@@ -69,9 +69,9 @@ class Layout:
     """Blocks in order of evaluation and the positions of all signals.
 
     `constant_names` are the units and inputs that no device provides; `terminals` are the bus numbers
-    at which machines stand; `sources` are for each machine: position of the real and the imaginary
-    part of its Norton current, and its terminal; `relayed` are signals of units that a device of the
-    unit takes and gives on.
+    at which machines and devices of loads stand; `sources` are for each of these `source_units`:
+    position of the real and the imaginary part of its Norton current, and its terminal; `relayed` are
+    signals of units that a device of the unit takes and gives on.
     """
 
     blocks: tuple[Block, ...]
@@ -200,7 +200,7 @@ def build_layout(
     sources = [
         (slots[unit, device.sources[0]], slots[unit, device.sources[1]], terminal_of[unit])
         for device, units, _ in ordered
-        if device.role is Role.MACHINE
+        if device.injects
         for unit in units
     ]
     return Layout(
@@ -253,21 +253,22 @@ def _open_inputs(
     for device, units, _ in groups:
         for unit in units:
             for name in device.inputs:
-                is_voltage = device.role is Role.MACHINE and name in _VOLTAGE_INPUTS
-                if is_voltage or (unit, name) in provided:
+                is_voltage = device.injects and name in _VOLTAGE_INPUTS
+                signal = _taken(device, unit, name, provided)
+                if is_voltage or (unit, signal) in provided:
                     continue
                 known = (unit, name) in given or name in device.solved_inputs
                 if not known and name not in device.defaults:
                     faults.append(f"{device.model} {unit}: no device of the unit gives its {name}")
-                open_inputs[unit, name] = None
+                open_inputs[unit, signal] = None
     return list(open_inputs)
 
 
 def _terminals(
     groups: Sequence[Group], ports: Sequence[int]
 ) -> tuple[tuple[int, ...], dict[UnitKey, int]]:
-    """Bus numbers with machines, then ports, and the position of each machine's bus among them."""
-    units = [u for device, us, _ in groups if device.role is Role.MACHINE for u in us]
+    """Bus numbers with sources, then ports, and the position of each source's bus among them."""
+    units = [u for device, us, _ in groups if device.injects for u in us]
     terminals = tuple(dict.fromkeys([*(unit.bus for unit in units), *ports]))
     place = {bus: position for position, bus in enumerate(terminals)}
     return terminals, {unit: place[unit.bus] for unit in units}
@@ -276,8 +277,15 @@ def _terminals(
 def _inputs(
     device: Device, units: Sequence[UnitKey], slots: Mapping[tuple[UnitKey, str], int]
 ) -> NDArray[np.int64]:
-    index = [[slots.get((unit, name), -1) for unit in units] for name in device.inputs]
+    index = [
+        [slots.get((unit, _taken(device, unit, name, slots)), -1) for unit in units]
+        for name in device.inputs
+    ]
     return np.array(index, dtype=np.int64).reshape(len(device.inputs), len(units))
+
+
+def _taken(device: Device, unit: UnitKey, name: str, given: Container[tuple[UnitKey, str]]) -> str:
+    return taken(device, name, lambda signal: (unit, signal) in given)
 
 
 def _state_names(blocks: Sequence[Block]) -> Iterator[str]:

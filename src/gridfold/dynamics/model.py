@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.cards import Card
-from gridfold.dynamics.assemble import assemble, negative_loads
-from gridfold.dynamics.device import Device
+from gridfold.dynamics.assemble import assemble, load_characteristics, negative_loads
+from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
@@ -40,6 +40,7 @@ from gridfold.dynamics.plausible import model_doubts, naming_doubts
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.rhs import pack_rhs
 from gridfold.dynamics.settings import settled
+from gridfold.dynamics.shedding import shed_devices
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
 from gridfold.errors import InitializationError, PowerFlowError
@@ -123,7 +124,7 @@ class DetailedModel(Card):
     def compiled(self) -> CompiledRhs:
         """The right-hand side, with its own solver for implicit steppers; made once it is asked for."""
         network = compile_with_loads(
-            self.equations, self.backend, self.layout.terminals, self.injections, self.power_flow
+            self.equations, self.backend, self.layout.terminals, self.injections
         )
         out = self.state.units_out
         rhs = pack_rhs(self.layout, self.constants, network, out)
@@ -175,12 +176,14 @@ class DetailedModel(Card):
     @cached_property
     def machines(self) -> tuple[UnitKey, ...]:
         """Units that have a rotor, in order of the case's generators."""
-        return tuple(u for u in self._source_order if (u, ROTOR_ANGLE) in self.layout.signal_slots)
+        return tuple(u for u in self.units if (u, ROTOR_ANGLE) in self.layout.signal_slots)
 
-    @property
-    def _source_order(self) -> Iterator[UnitKey]:
+    @cached_property
+    def units(self) -> tuple[UnitKey, ...]:
+        """Units that feed a current into the network, in order of the case: generators, then loads."""
         present = set(self.layout.source_units)
-        return (g.key for g in self.case.generators if g.key in present)
+        keys = [*(g.key for g in self.case.generators), *(load.key for load in self.case.loads)]
+        return tuple(key for key in keys if key in present)
 
     def slots(self, name: str, units: tuple[UnitKey, ...]) -> NDArray[np.int64]:
         """Position in the signal vector (states come first) of signal `name` of `units`."""
@@ -218,6 +221,8 @@ class DetailedModel(Card):
         )
         if state.settings:
             layout = settled(layout, state.settings, self.power_flow)
+        layout = shed_devices(layout, state.load_shed)
+        if layout is not start.layout:
             injections = replace(injections, machine=_machine_admittances(layout))
         injections = _in_state(self.power_flow, injections, state)
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
@@ -372,15 +377,17 @@ def _built(
     loads: LoadModel,
 ) -> DetailedModel:
     case = solved.case
-    nonlinear = nonlinear_loads(solved, loads)
+    groups, characteristics = assemble(case, devices), load_characteristics(case, devices)
+    apart = {unit for device, units, _ in groups if device.role is Role.LOAD for unit in units}
+    apart -= set(characteristics)
+    nonlinear = nonlinear_loads(solved, loads, characteristics, apart)
     ports = () if nonlinear is None else nonlinear.buses
-    groups = assemble(case, devices)
     for device, _, parameters in groups:
         try_once(device, parameters)
     layout = build_layout(groups, ports)
     start = initialize(layout, solved, on_limit)
     state = initial_state(case)
-    injections = _in_state(solved, _injections(solved, start.layout, nonlinear), state)
+    injections = _in_state(solved, _injections(solved, start, nonlinear, apart), state)
     equations = build_equations(solved, injections, layout.terminals, state)
     _require_voltage(layout, equations, case)
     model = DetailedModel(
@@ -404,12 +411,12 @@ def _built(
 
 
 def _require_voltage(layout: Layout, equations: NetworkEquations, case: Case) -> None:
-    """Converters follow a voltage: a machine has to make it."""
+    """Converters and devices of loads follow a voltage: a machine has to make it."""
     on = equations.islands.energized
     dead = [str(unit) for unit in layout.source_units if not on[case.bus_index[unit.bus]]]
     if dead:
         raise InitializationError(
-            f"converters that no machine in their island gives a voltage to follow: {', '.join(dead)}"
+            f"units that no machine in their island gives a voltage to follow: {', '.join(dead)}"
         )
 
 
@@ -420,9 +427,13 @@ def _phasors(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
 
 
 def _injections(
-    power_flow: PowerFlowResult, layout: Layout, nonlinear: NonlinearLoads | None
+    power_flow: PowerFlowResult,
+    start: Start,
+    nonlinear: NonlinearLoads | None,
+    apart: Collection[UnitKey],
 ) -> Injections:
-    case = power_flow.case
+    """What stands at the buses; loads that stand `apart` are sources, and nothing besides."""
+    case, layout = power_flow.case, start.layout
     squared = np.abs(power_flow.voltage) ** 2
     absorbed = negative_loads(case)
     negative = {
@@ -430,8 +441,16 @@ def _injections(
         for g, power in zip(case.generators, power_flow.unit_power, strict=True)
         if g.key in absorbed and g.in_service
     }
-    load = np.conj(power_flow.load_power + power_flow.converter_power) / squared
-    return Injections(load, negative, _machine_admittances(layout), nonlinear)
+    machine = _machine_admittances(layout)
+    power = power_flow.load_power + power_flow.converter_power
+    for load, drawn in power_flow.drawn_by_loads():
+        if load.key in apart:
+            power[case.bus_index[load.bus]] -= drawn
+    norton = dict(zip(layout.source_units, start.currents.tolist(), strict=True))
+    leading = frozenset(
+        unit for block in layout.blocks if block.device.leads for unit in block.units
+    )
+    return Injections(np.conj(power) / squared, negative, machine, norton, leading, nonlinear)
 
 
 def _machine_admittances(layout: Layout) -> dict[UnitKey, complex]:
@@ -449,7 +468,7 @@ def _in_state(power_flow: PowerFlowResult, whole: Injections, state: NetworkStat
     """The injections in a network state: without dc lines of which an end is de-energized."""
     if not power_flow.case.dc_lines:
         return whole
-    sources = (unit.bus for unit in whole.machine if unit not in state.units_out)
+    sources = (unit.bus for unit in whole.leading if unit not in state.units_out)
     islands = find_islands(power_flow.case, state.severed, sources)
     return without_dead_lines(power_flow, whole, islands)
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from types import FunctionType
 
 from gridfold.dynamics.device import Device, Limit, Parameter, Role
+from gridfold.dynamics.psse_models import LOAD_SUFFIXES
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import DeviceError, GridfoldError
 
@@ -72,7 +73,8 @@ def is_own(device: Device) -> bool:
 def record_names(device: Device) -> tuple[str, ...]:
     """Model names of the PSS/E records that a device answers."""
     names = device.psse_names or ((device.model,) if device.psse_record else ())
-    return tuple(name.upper() for name in names)
+    ends = LOAD_SUFFIXES if device.role is Role.LOAD and not device.psse_names else ("",)
+    return tuple(name.upper() + end for name in names for end in ends)
 
 
 def answering(devices: Mapping[str, Device]) -> dict[str, Device]:
@@ -218,8 +220,11 @@ def _kernel_faults(device: Device) -> Iterator[str]:
     if device.role is Role.MACHINE:
         if len(device.sources) < 2 or device.admittance is None:
             yield "a machine needs two sources (its Norton current) and an admittance"
+    elif device.role is Role.LOAD:
+        if len(device.sources) < 2:
+            yield "a device of a load needs two sources (its Norton current)"
     elif device.source is not None or device.admittance is not None:
-        yield "only a machine has a source and an admittance"
+        yield "only machines and devices of loads have a source and an admittance"
 
 
 def _record_faults(device: Device, names: set[str]) -> Iterator[str]:

@@ -122,7 +122,7 @@ def build_port_model(
     values |= dict.fromkeys(speeds, 1.0)
     found = port_network(model, layout.terminals, study, origin)
     out = model.state.units_out
-    angles = frame_states(layout.state_names, out)
+    angles = frame_states(layout.state_names, out).tolist()
     compiled = pack_port_rhs(
         layout,
         np.array([values[name] for name in layout.constant_names]),

@@ -73,9 +73,7 @@ def port_network(
     loads = model.injections.nonlinear
     far = [] if loads is None else [k for k, bus in enumerate(loads.buses) if bus not in study]
     if loads is None or not far:
-        compiled = compile_with_loads(
-            equations, model.backend, terminals, model.injections, model.power_flow
-        )
+        compiled = compile_with_loads(equations, model.backend, terminals, model.injections)
         return PortNetwork(compiled, turns=False)
     voltages = model.bus_voltages(origin[None, :])[0]
     at_loads = voltages[[index[bus] for bus in loads.buses]]
@@ -92,12 +90,9 @@ def port_network(
     near = [k for k in range(len(loads.buses)) if k not in set(far)]
     if not near:
         return PortNetwork(linear, turns=True)
-    own = NonlinearLoads(
-        tuple(loads.buses[k] for k in near), loads.power[near], loads.current[near],
-        loads.voltage[near],
-    )  # fmt: skip
     guess = voltages[[index[bus] for bus in terminals]]
-    return PortNetwork(with_loads(linear, own, terminals, guess, slopes[near]), turns=True)
+    own = with_loads(linear, loads.at(near), terminals, guess, slopes[near])
+    return PortNetwork(own, turns=True)
 
 
 def _both(rows: NDArray[np.int64], n: int) -> NDArray[np.int64]:

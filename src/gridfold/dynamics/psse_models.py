@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from gridfold.dynamics.device import CONVERTER_ROLES, Device, Role
+from gridfold.dynamics.device import CONVERTER_ROLES, LIMITERS, Device, Role
 
 
 class Kind(Enum):
@@ -35,6 +35,9 @@ _KIND_OF_ROLE = {
     Role.GOVERNOR: Kind.GOVERNOR,
     Role.STABILIZER: Kind.STABILIZER,
     **dict.fromkeys(CONVERTER_ROLES, Kind.CONTROL),
+    Role.LOAD: Kind.LOAD,
+    Role.COMPENSATOR: Kind.COMPENSATOR,
+    **dict.fromkeys(LIMITERS, Kind.LIMITER),
 }
 
 _NAMES = {
@@ -77,8 +80,9 @@ _NAMES = {
 }  # fmt: skip
 _KINDS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
 
-#: Load models and load relays end in what they belong to: a load, an area, an owner, a zone, all.
-LOAD_SUFFIXES = ("BL", "AR", "OW", "ZN", "AL")
+#: Load models and load relays end in what they belong to: a load, an owner, a zone, an area, all. Where
+#: several speak of one load, the first of these counts.
+LOAD_SUFFIXES = ("BL", "OW", "ZN", "AR", "AL")
 _LOAD_STEMS = {
     "ACMT",
     "CIM5",

@@ -16,7 +16,8 @@ A model that gridfold does not have is never replaced in silence. By default it 
 (:class:`Unsupported`) it is left out, and :class:`Replacement` tells what that touches:
 
 - an exciter: the field voltage stays constant; a governor: the mechanical power does; stabilizers,
-  compensators, limiters, relays and controls: nothing stands in their place;
+  compensators, limiters, relays and controls: nothing stands in their place; a limiter of excitation
+  is left out too where its exciter takes the signal at a gate;
 - a machine: GENCLS with H, D and X'd of its record, or a negative load with all its controllers;
 - a converter, and a model of which nothing is known at a unit without a machine: a negative load;
 - a load model: loads stay what they are in the study.
@@ -37,8 +38,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from gridfold.dynamics.device import CONVERTER_ROLES, Device
+from gridfold.dynamics.device import CONVERTER_ROLES, LIMITERS, Device
 from gridfold.dynamics.own_models import answering, answering_user_written
+from gridfold.dynamics.psse_loads import load_devices
 from gridfold.dynamics.psse_models import CLASSICAL_COLUMNS, Kind, kind_of
 from gridfold.dynamics.psse_parameters import (
     classical_parameters,
@@ -79,6 +81,7 @@ _ONE_EACH = {
     "exciters": (Kind.EXCITER,),
     "governors": (Kind.GOVERNOR,),
     "stabilizers": (Kind.STABILIZER,),
+    "voltage compensators": (Kind.COMPENSATOR,),
 }
 _LEFT_OUT = {
     Kind.EXCITER: "left out, constant field voltage",
@@ -90,7 +93,13 @@ _TAKERS = {  # the device that a controller needs, the input there, and what is 
     Kind.EXCITER: (Kind.MACHINE, "field_voltage", "the machine has no field"),
     Kind.GOVERNOR: (Kind.MACHINE, "mechanical_power", "the machine has no turbine"),
     Kind.STABILIZER: (Kind.EXCITER, "stabilizer_signal", "the unit has no exciter for it"),
+    Kind.COMPENSATOR: (Kind.EXCITER, "terminal_voltage", "the unit has no exciter for it"),
 }
+#: Exciters that add the signals of limiters to that of the stabilizer.
+_ADDING = (
+    *("EXAC1", "EXAC2", "EXAC4", "EXDC2", "EXPIC1", "EXST1"),
+    *("IEEET1", "IEEET2", "IEEET3", "IEEEX1", "SCRX", "SEXS"),
+)
 
 _NOT_NEEDED = "nothing in its unit takes what it gives"
 
@@ -144,7 +153,7 @@ def device_records(
     without_data: WithoutData = WithoutData.ERROR,
     devices: Mapping[str, Device] = DEVICES,
 ) -> PsseDevices:
-    """Device records of the generators in service.
+    """Device records of the generators and loads in service.
 
     Parameters
     ----------
@@ -169,7 +178,8 @@ def device_records(
     """
     records = _sort(case, with_user_written(data, devices), answering(devices))
     units = _Units(case, records, devices, unsupported)
-    faults = list(records.role_faults())
+    loads = load_devices(case, records.of_loads, records.supported, data.file)
+    faults = [*records.role_faults(), *loads.faults]
     advice: list[str] = []
     if unsupported is Unsupported.ERROR:
         missing = list(records.unsupported_faults(case))
@@ -180,7 +190,7 @@ def device_records(
             units.convert(generator.key)
     faults += units.faults + units.elsewhere
     advice += [_MEASURE] if units.elsewhere else []
-    unplaced = tuple(records.unplaced_texts(case))
+    unplaced = (*records.unplaced_texts(case), *loads.unplaced)
     if units.lacking and without_data is WithoutData.ERROR:
         extent = replacement(case, "", "", units.lacking).extent.replace("record", "generator")
         listed = ", ".join(str(unit) for unit in units.lacking)
@@ -193,19 +203,25 @@ def device_records(
         units.stand_in(unit, without_data)
     for record in records.apart:
         units.leave_out(record)
-    notices = (*records.notices(), *units.resolved_texts(), *units.notices)
-    replaced = units.tally.replacements()
-    return PsseDevices(tuple(units.made), replaced, notices, unplaced, units.origins)
+    notices = (*records.notices(), *units.resolved_texts(), *units.notices, *loads.notices)
+    return PsseDevices(
+        (*units.made, *loads.records),
+        units.tally.replacements(),
+        notices,
+        unplaced,
+        units.origins | loads.origins,
+    )
 
 
 @dataclass
 class _Sorted:
-    """Records of a file: of units in service, of none, user-written, without effect, and unplaced."""
+    """Records of a file: of units in service, of none, of loads, without effect, and unplaced."""
 
     file: str
     supported: Mapping[str, Device]
     by_unit: dict[UnitKey, list[DynamicRecord]] = field(default_factory=lambda: defaultdict(list))
     apart: list[DynamicRecord] = field(default_factory=list)
+    of_loads: list[DynamicRecord] = field(default_factory=list)
     user_written: list[SkippedRecord] = field(default_factory=list)
     ignored: list[DynamicRecord] = field(default_factory=list)
     skipped: list[SkippedRecord] = field(default_factory=list)
@@ -305,7 +321,9 @@ def _sort(case: Case, data: DynamicData, supported: Mapping[str, Device]) -> _So
     found = _Sorted(data.file, supported)
     for record in data.records:
         kind = found.kind(record)
-        if record.key in live and kind not in (Kind.LOAD, Kind.PROTECTION):
+        if kind is Kind.LOAD and record.model in supported:
+            found.of_loads.append(record)
+        elif record.key in live and kind not in (Kind.LOAD, Kind.PROTECTION):
             found.by_unit[record.key].append(record)
         elif kind in (Kind.LOAD, Kind.PROTECTION) or (
             kind is Kind.UNKNOWN and concerned(record.key)
@@ -443,6 +461,7 @@ class _Units:
             else:
                 self.tally.add(record.model, f"left out, {reason}", record.key)
         self._converter_controls(records, machine)
+        self._limiters(records, present.get(Kind.EXCITER))
         for record in records:
             if record.model not in self.records.supported:
                 self.leave_out(record)
@@ -474,6 +493,21 @@ class _Units:
             )
         elif elsewhere:
             self.tally.add(record.model, "measures at the terminals of its unit", record.key)
+
+    def _limiters(self, records: Sequence[DynamicRecord], exciter: Device | None) -> None:
+        """Limiters of excitation, where an exciter adds their signals."""
+        for record in records:
+            device = self.records.supported.get(record.model)
+            if device is None or device.role not in LIMITERS:
+                continue
+            if exciter is None:
+                self.tally.add(record.model, "left out, the unit has no exciter for it", record.key)
+            elif exciter.model.upper() not in _ADDING:
+                reason = f"left out, {exciter.model.upper()} takes it at a gate"
+                self.tally.add(record.model, reason, record.key)
+            else:
+                place = self.records.place(record)
+                self._make(device, record, named_parameters(record, device, place, self.faults))
 
     def _make(self, device: Device, record: DynamicRecord, parameters: Mapping[str, float]) -> None:
         made = DeviceRecord(device.model, record.bus, record.id, parameters)

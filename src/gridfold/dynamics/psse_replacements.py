@@ -20,21 +20,28 @@ def replacement(case: Case, model: str, outcome: str, units: Sequence[UnitKey]) 
     if kind_of(model, {}) is Kind.LOAD:
         of = "load"
         loads = [load for load in case.loads if load.in_service]
-        covered = [load for load in loads if any(_covers(case, model, u, load) for u in units)]
+        covered = [load for load in loads if any(covers(case, model, u, load) for u in units)]
         touched = sum(abs(case.stored_power(load).real) for load in covered)
         total = sum(abs(case.stored_power(load).real) for load in loads)
     return Replacement(model, outcome, tuple(units), touched, touched / total if total else 0.0, of)
 
 
-def _covers(case: Case, model: str, place: UnitKey, load: Load) -> bool:
-    """Whether a load model speaks of a load; owners are not known, so all may be theirs."""
-    suffix = next((s for s in LOAD_SUFFIXES if model.removesuffix("U1").endswith(s)), "BL")
+def load_suffix(model: str) -> str:
+    """What a load model belongs to: one of :data:`~gridfold.dynamics.psse_models.LOAD_SUFFIXES`."""
+    return next((s for s in LOAD_SUFFIXES if model.removesuffix("U1").endswith(s)), "BL")
+
+
+def covers(case: Case, model: str, place: UnitKey, load: Load) -> bool:
+    """Whether the record of a load model at `place` speaks of a load."""
     bus = case.buses[case.bus_index[load.bus]]
-    return {
-        "BL": load.bus == place.bus and place.id in (load.id, "*"),
-        "AR": bus.area == place.bus,
-        "ZN": bus.zone == place.bus,
-    }.get(suffix, True)
+    of = {
+        "BL": load.bus,
+        "OW": load.owner or bus.owner,
+        "ZN": load.zone or bus.zone,
+        "AR": load.area or bus.area,
+        "AL": place.bus,
+    }
+    return of[load_suffix(model)] == place.bus and place.id in (load.id, "*")
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gridfold.dynamics.compensators.ieeevc import IEEEVC
 from gridfold.dynamics.converters.reeca1 import REECA1
 from gridfold.dynamics.converters.reecb1 import REECB1
 from gridfold.dynamics.converters.regca1 import REGCA1
@@ -47,12 +48,20 @@ from gridfold.dynamics.governors.ieeeg3 import IEEEG3
 from gridfold.dynamics.governors.ieesgo import IEESGO
 from gridfold.dynamics.governors.pidgov import PIDGOV
 from gridfold.dynamics.governors.tgov1 import TGOV1
+from gridfold.dynamics.governors.wsieg1 import WSIEG1
+from gridfold.dynamics.limiters.maxex2 import MAXEX2
+from gridfold.dynamics.limiters.mnlex2 import MNLEX2
+from gridfold.dynamics.loads.cim5 import CIM5
+from gridfold.dynamics.loads.cim6 import CIM6
+from gridfold.dynamics.loads.ieel import IEEL
 from gridfold.dynamics.machines.classical import CLASSICAL
+from gridfold.dynamics.machines.csvgn1 import CSVGN1
 from gridfold.dynamics.machines.gencls import GENCLS
 from gridfold.dynamics.machines.genroe import GENROE
 from gridfold.dynamics.machines.genrou import GENROU
 from gridfold.dynamics.machines.gensae import GENSAE
 from gridfold.dynamics.machines.gensal import GENSAL
+from gridfold.dynamics.machines.gentpj1 import GENTPJ1
 from gridfold.dynamics.machines.infinite_bus import INFINITE_BUS
 from gridfold.dynamics.machines.two_axis import TWO_AXIS
 from gridfold.dynamics.stabilizers.ieeest import IEEEST
@@ -75,6 +84,8 @@ _ALL = (
     GENROU,
     GENSAE,
     GENSAL,
+    GENTPJ1,
+    CSVGN1,
     AC8B,
     DC4B,
     ESAC1A,
@@ -109,6 +120,7 @@ _ALL = (
     IEESGO,
     PIDGOV,
     TGOV1,
+    WSIEG1,
     IEEEST,
     PSS2A,
     PSS2B,
@@ -123,6 +135,12 @@ _ALL = (
     WTDTA1,
     WTPTA1,
     WTTQA1,
+    IEEEVC,
+    MAXEX2,
+    MNLEX2,
+    CIM5,
+    CIM6,
+    IEEL,
 )
 
 

@@ -26,7 +26,7 @@ from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
 from gridfold.grid.events import Event
-from gridfold.grid.relays import relays_among
+from gridfold.grid.relays import relays_of_run
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
 from gridfold.runs.simulate import ModelStore, plan_simulation, simulate
@@ -88,7 +88,7 @@ class TolerantModel(Card):
         rest = (events, t_end, stepper, criterion, known)
         last = plan_simulation(model, events, t_end, known).models[-1]
         attempts: list[Attempt] = []
-        stays = topology(last.state, last.case) == INTACT and not relays_among(events)
+        stays = topology(last.state, last.case) == INTACT and not relays_of_run(events, last.case)
         for rule in self.rules if stays else ():
             run = simulate_adaptive(model, self.small, rule, *rest)
             attempt = self._judge(run)

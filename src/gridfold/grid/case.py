@@ -35,7 +35,10 @@ _LABEL = {"label": True}  # fields that no simulation depends on: no part of the
 
 
 class UnitKey(NamedTuple):
-    """A generating unit: bus number and machine id, written ``23:1``."""
+    """A generating unit: bus number and machine id, written ``23:1``.
+
+    A load with devices of its own is a unit too, ``23:load-1``.
+    """
 
     bus: int
     id: str
@@ -76,7 +79,9 @@ class Load:
     """A load: constant power, current and impedance in the power flow.
 
     The power drawn at voltage V (p.u.) is ``active_mw + current_active_mw V + impedance_active_mw
-    V^2``, reactive power likewise. What it is in the dynamics is said when the model is built.
+    V^2``, reactive power likewise. What it is in the dynamics is said when the model is built, or by
+    device records whose id is ``load-`` and that of the load. `area`, `zone` and `owner` are its own;
+    0 where nothing is said: they are then those of its bus.
     """
 
     bus: int
@@ -88,6 +93,14 @@ class Load:
     current_reactive_mvar: float = field(default=0.0, metadata=_LATER)
     impedance_active_mw: float = field(default=0.0, metadata=_LATER)
     impedance_reactive_mvar: float = field(default=0.0, metadata=_LATER)
+    area: int = field(default=0, metadata=_LATER)
+    zone: int = field(default=0, metadata=_LATER)
+    owner: int = field(default=0, metadata=_LATER)
+
+    @property
+    def key(self) -> UnitKey:
+        """The unit that its devices belong to."""
+        return UnitKey(self.bus, f"load-{self.id}")
 
     def power(self, voltage_pu: float) -> complex:
         """Active and reactive power drawn at a voltage, in MVA."""
@@ -190,7 +203,10 @@ class Generator:
 
 @dataclass(frozen=True)
 class DeviceRecord:
-    """One dynamic device: the name of its model, the unit it belongs to, its parameters."""
+    """One dynamic device: the name of its model, the unit it belongs to, its parameters.
+
+    The unit is a generator, or a load (:attr:`Load.key`).
+    """
 
     model: str
     bus: int

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from gridfold.grid.case import Case
 from gridfold.grid.change import Event
 from gridfold.grid.line_relays import DistanceRelay, OutOfStepRelay
+from gridfold.grid.motor_trips import MotorTrips
 from gridfold.grid.relay import Element, Relay
 from gridfold.grid.shedding_relays import (
     SheddingStage,
@@ -29,9 +31,11 @@ RELAYS: Mapping[str, type] = {
 }
 
 
-def relays_among(events: Sequence[Event]) -> tuple[Relay, ...]:
-    """Those of the events that are relays."""
-    return tuple(event for event in events if isinstance(event, Relay))
+def relays_of_run(events: Sequence[Event], case: Case) -> tuple[Relay, ...]:
+    """Those of the events that are relays, and those that belong to the case."""
+    given = tuple(event for event in events if isinstance(event, Relay))
+    own = MotorTrips()
+    return (*given, own) if own.elements(case) else given
 
 
 __all__ = [
@@ -40,10 +44,11 @@ __all__ = [
     "Element",
     "GeneratorFrequencyTrip",
     "GeneratorVoltageTrip",
+    "MotorTrips",
     "OutOfStepRelay",
     "Relay",
     "SheddingStage",
     "UnderFrequencyShedding",
     "UnderVoltageShedding",
-    "relays_among",
+    "relays_of_run",
 ]

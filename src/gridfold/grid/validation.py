@@ -122,10 +122,11 @@ def _reference_faults(case: Case) -> Iterator[str]:
     for record in at_bus:
         if record.bus not in case.bus_index:
             yield f"{case.locate(record)}: there is no bus {record.bus}"
-    units = {generator.key for generator in case.generators}
+    units = {g.key for g in case.generators} | {load.key for load in case.loads}
     for device in case.devices:
         if device.key not in units:
-            yield f"{case.locate(device)}: there is no generator {device.key}"
+            kind = "load" if device.id.startswith("load-") else "generator"
+            yield f"{case.locate(device)}: there is no {kind} {device.key}"
     yield from _regulation_faults(case)
 
 

@@ -140,6 +140,9 @@ def _add_load(draft: Draft, row: Row, place: str) -> None:
         active_mw=float(row["p"]),
         reactive_mvar=float(row["q"]),
         in_service=row["in_service"],
+        area=int(extras.get("psse_area") or 0),
+        zone=int(extras.get("psse_zone") or 0),
+        owner=int(extras.get("psse_owner") or 0),
     )
     if model and model["kind"] == "zip":
         load = replace(

@@ -154,9 +154,8 @@ def partition(model: DetailedModel, study: Collection[int]) -> Partition:
             continue
         near, far = branch.from_bus, branch.to_bus
         ties.append(TieLine(position, *((near, far) if ends[0] else (far, near))))
-    sources = [g.key for g in case.generators if g.key in set(model.layout.source_units)]
-    study_units = tuple(unit for unit in sources if unit.bus in inside)
-    external_units = tuple(unit for unit in sources if unit.bus not in inside)
+    study_units = tuple(unit for unit in model.units if unit.bus in inside)
+    external_units = tuple(unit for unit in model.units if unit.bus not in inside)
     if not study_units or not external_units:
         which = "study" if not study_units else "external"
         raise OptionError(f"the {which} area has no machine")

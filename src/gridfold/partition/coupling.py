@@ -144,7 +144,8 @@ def _given_currents(model: DetailedModel, units: Sequence[UnitKey]) -> NDArray[n
     """Current in p.u. that each unit gives for one volt behind its reactance; converters: rated."""
     case, machines = model.case, model.injections.machine
     rated = {g.key: g.base_mva / case.base_mva for g in case.generators}
-    return np.array([machines.get(unit, rated[unit]) for unit in units], dtype=np.complex128)
+    given = [machines[unit] if unit in machines else rated[unit] for unit in units]
+    return np.array(given, dtype=np.complex128)
 
 
 def _tie_series(parts: Partition) -> NDArray[np.complex128]:

@@ -54,10 +54,10 @@ def find_ports(model: DetailedModel, linear: Collection[UnitKey], study: Collect
     """
     case = model.case
     wanted = set(linear)
-    units = tuple(u for u in _source_order(model) if u in wanted)
+    units = tuple(u for u in model.units if u in wanted)
     far = {case.bus_index[unit.bus] for unit in units}
     near = {case.bus_index[bus] for bus in study}
-    near |= {case.bus_index[u.bus] for u in _source_order(model) if u not in wanted}
+    near |= {case.bus_index[u.bus] for u in model.units if u not in wanted}
     if not far or not near:
         raise OptionError("a linear area needs machines of its own, and others beside it")
     cut = _vertex_cut(_branches(model), near, far)
@@ -71,11 +71,6 @@ def find_ports(model: DetailedModel, linear: Collection[UnitKey], study: Collect
         units,
         frozenset(study),
     )
-
-
-def _source_order(model: DetailedModel) -> list[UnitKey]:
-    present = set(model.layout.source_units)
-    return [g.key for g in model.case.generators if g.key in present]
 
 
 def _branches(model: DetailedModel) -> csr_array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.cards import Card
-from gridfold.grid.case import Case, Control
+from gridfold.grid.case import Case, Control, Load
 from gridfold.powerflow.dc_flow import DcFlow
 from gridfold.powerflow.injections import dc_power
 
@@ -65,6 +66,14 @@ class PowerFlowResult(Card):
         """Active power lost in branches and shunts, in MW; that of dc lines is not among it."""
         total = self.unit_power.sum() - self.load_power.sum() - self.converter_power.sum()
         return float(total.real) * self.case.base_mva
+
+    def drawn_by_loads(self) -> Iterator[tuple[Load, complex]]:
+        """Each load in service, and the power that it draws in per unit on the system base."""
+        case = self.case
+        for load in case.loads:
+            if load.in_service:
+                size = abs(complex(self.voltage[case.bus_index[load.bus]]))
+                yield load, load.power(size) / case.base_mva
 
     @property
     def solved_case(self) -> Case:

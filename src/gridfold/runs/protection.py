@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.change import Change, Event
 from gridfold.grid.measurements import Blinders
-from gridfold.grid.relays import Element, relays_among
+from gridfold.grid.relays import Element, relays_of_run
 from gridfold.runs.measuring import Meter
 from gridfold.simulation.segment import Coordinates
 from gridfold.systems.protocol import System
@@ -118,6 +118,8 @@ class _Monitor:
 
 
 def protection_among(events: Sequence[Event], model: DetailedModel) -> Protection | None:
-    """The relays among the events of a run of `model`; None without."""
-    elements = [e for relay in relays_among(events) for e in relay.elements(model.case)]
+    """The relays among the events of a run of `model`, and those of its case; None without."""
+    elements = [
+        e for relay in relays_of_run(events, model.case) for e in relay.elements(model.case)
+    ]
     return Protection(model, elements) if elements else None

@@ -24,7 +24,7 @@ from gridfold.dynamics.exciters.pid import gains, some_gain
     VREF, KEU, BASE_SPEED,
 ) = range(22)  # fmt: skip
 VC, INTEGRAL, DIFFERENCE, VR, VF, VE = range(6)
-VT, VS = range(2)
+VT, VS, SUPPLY = range(3)
 START, EFD = range(2)
 NO_MAXIMUM = 1e12
 
@@ -86,11 +86,11 @@ def derivative(x, u, p, y, dx):
             highest / p[KA, i],
         )
         v_r, dx[VR, i] = limited_lag(
-            p[KA, i] * u[VT, i] * v_pid,
+            p[KA, i] * u[SUPPLY, i] * v_pid,
             x[VR, i],
             p[TA, i],
-            u[VT, i] * p[VRMIN, i],
-            u[VT, i] * highest,
+            u[SUPPLY, i] * p[VRMIN, i],
+            u[SUPPLY, i] * highest,
         )
         rate = exciter_rate(
             v_r, y[EFD, i], p[KEU, i], p[TE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
@@ -112,7 +112,7 @@ DC4B = Device(
         "feedback_state",
         "exciter_voltage",
     ),
-    inputs=("terminal_voltage", "stabilizer_signal"),
+    inputs=("terminal_voltage", "stabilizer_signal", "supply_voltage"),
     outputs=(dc_commutator.START_CONDITION, "field_voltage"),
     output=output,
     derivative=derivative,

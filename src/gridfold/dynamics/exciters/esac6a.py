@@ -23,7 +23,7 @@ from gridfold.dynamics.exciters.dc_commutator import saturation_faults
     E1, SE1, E2, SE2, VEMIN, VREF, BASE_SPEED,
 ) = range(26)  # fmt: skip
 VC, FIRST, SECOND, LIMITER, VE = range(5)
-VT, VS, IFD = range(3)
+VT, VS, IFD, SUPPLY = range(4)
 VFE, EFD = range(2)
 
 PARAMETERS = (
@@ -70,7 +70,7 @@ def derivative(x, u, p, y, dx):
         excess = p[KH, i] * (y[VFE, i] - p[VFELIM, i])
         limiting = clip(excess, 0.0 * excess, p[VHMAX, i] + 0.0 * excess)
         v_h, dx[LIMITER, i] = lead_lag(limiting, x[LIMITER, i], p[TJ, i], p[TH, i])
-        v_r = clip(v_a - v_h, u[VT, i] * p[VRMIN, i], u[VT, i] * p[VRMAX, i])
+        v_r = clip(v_a - v_h, u[SUPPLY, i] * p[VRMIN, i], u[SUPPLY, i] * p[VRMAX, i])
         dx[VE, i] = exciter_rate(v_r, y[VFE, i], x[VE, i], p[TE, i], p[VEMIN, i])
 
 
@@ -87,7 +87,7 @@ ESAC6A = Device(
         "field_limiter_state",
         "exciter_voltage",
     ),
-    inputs=ac_alternator.INPUTS,
+    inputs=(*ac_alternator.INPUTS, "supply_voltage"),
     outputs=("exciter_demand", "field_voltage"),
     output=output,
     derivative=derivative,

@@ -19,7 +19,7 @@ from gridfold.dynamics.exciters.dc_commutator import exciter_rate, regulator, st
 TR, KA, TA, TB, TC, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED, EMIN = range(17)
 VREF, KEU, BASE_SPEED = range(17, 20)
 VC, LEAD, VR, VF, VE = range(5)
-VT, VS = range(2)
+VT, VS, SUPPLY = range(3)
 START, EFD = range(2)
 NO_MAXIMUM = 1e12
 
@@ -50,8 +50,8 @@ def derivative(x, u, p, y, dx):
             p[TA, i],
             p[TC, i],
             p[TB, i],
-            u[VT, i] * p[VRMIN, i],
-            u[VT, i] * (p[VRMAX, i] + p[ADDED, i]),
+            u[SUPPLY, i] * p[VRMIN, i],
+            u[SUPPLY, i] * (p[VRMAX, i] + p[ADDED, i]),
         )
         rate = exciter_rate(
             v_r, y[EFD, i], p[KEU, i], p[TE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
@@ -78,7 +78,7 @@ ESDC2A = Device(
         "feedback_state",
         "exciter_voltage",
     ),
-    inputs=("terminal_voltage", "stabilizer_signal"),
+    inputs=("terminal_voltage", "stabilizer_signal", "supply_voltage"),
     outputs=(dc_commutator.START_CONDITION, "field_voltage"),
     output=output,
     derivative=derivative,

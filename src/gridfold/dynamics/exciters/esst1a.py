@@ -26,7 +26,7 @@ from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Side
     KLR, ILR, VREF, BASE_SPEED,
 ) = range(22)  # fmt: skip
 VC, LEAD, LEAD_1, VA, VF = range(5)
-VT, VS, IFD = range(3)
+VT, VS, IFD, SUPPLY = range(4)
 AMPLIFIED, EFD = range(2)
 
 PARAMETERS = (
@@ -80,8 +80,8 @@ def output(x, u, p, y, dx):
             v_a = v_a + u[VS, i]
         excess = p[KLR, i] * (u[IFD, i] - p[ILR, i])
         y[AMPLIFIED, i] = v_a - excess if excess.real > 0 else v_a
-        highest = u[VT, i] * p[VRMAX, i] - p[KC, i] * u[IFD, i]
-        y[EFD, i] = clip(y[AMPLIFIED, i], u[VT, i] * p[VRMIN, i], highest)
+        highest = u[SUPPLY, i] * p[VRMAX, i] - p[KC, i] * u[IFD, i]
+        y[EFD, i] = clip(y[AMPLIFIED, i], u[SUPPLY, i] * p[VRMIN, i], highest)
 
 
 def derivative(x, u, p, y, dx):
@@ -117,7 +117,7 @@ ESST1A = Device(
         "amplifier_voltage",
         "feedback_state",
     ),
-    inputs=("terminal_voltage", "stabilizer_signal", "field_current"),
+    inputs=("terminal_voltage", "stabilizer_signal", "field_current", "supply_voltage"),
     outputs=("regulated_voltage", "field_voltage"),
     output=output,
     derivative=derivative,

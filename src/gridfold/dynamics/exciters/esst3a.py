@@ -40,7 +40,7 @@ from gridfold.dynamics.exciters.rectifier import compound_voltage, rectified
 TR, VIMAX, VIMIN, KM, TC, TB, KA, TA, VRMAX, VRMIN, KG, KP, KI, VBMAX, KC, XL = range(16)
 VGMAX, THETAP, TM, VMMAX, VMMIN, BASE, VREF, BASE_SPEED = range(16, 24)
 VC, LEAD, VR, VM = range(4)
-VT, VS, IFD, P, Q, ID, IQ = range(7)
+VT, VS, IFD, P, Q, ID, IQ, SUPPLY = range(8)
 REGULATED, VB, EFD = range(3)
 
 DYR_COLUMNS: tuple[str | None, ...] = (
@@ -90,7 +90,7 @@ def output(x, u, p, y, dx):
         )
         base = p[BASE, i]
         v_e = compound_voltage(
-            u[VT, i],
+            u[SUPPLY, i],
             u[P, i] / base,
             u[Q, i] / base,
             (u[ID, i] * u[ID, i] + u[IQ, i] * u[IQ, i]) / (base * base),
@@ -184,6 +184,7 @@ ESST3A = Device(
         "reactive_power",
         "d_current",
         "q_current",
+        "supply_voltage",
     ),
     outputs=("regulated_voltage", "source_voltage", "field_voltage"),
     output=output,

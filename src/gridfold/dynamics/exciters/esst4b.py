@@ -36,7 +36,7 @@ from gridfold.dynamics.exciters.rectifier import compound_voltage, rectified
     VREF, BASE_SPEED,
 ) = range(20)  # fmt: skip
 VC, OUTER, VA, INNER = range(4)
-VT, VS, IFD, P, Q, ID, IQ = range(7)
+VT, VS, IFD, P, Q, ID, IQ, SUPPLY = range(8)
 VB, EFD = range(2)
 
 PARAMETERS = (
@@ -74,7 +74,7 @@ def output(x, u, p, y, dx):
         base = p[BASE, i]
         squared = (u[ID, i] * u[ID, i] + u[IQ, i] * u[IQ, i]) / (base * base)
         v_e = compound_voltage(
-            u[VT, i], u[P, i] / base, u[Q, i] / base, squared,
+            u[SUPPLY, i], u[P, i] / base, u[Q, i] / base, squared,
             p[KP, i], p[THETAP, i], p[KI, i], p[XL, i],
         )  # fmt: skip
         y[VB, i] = lower(rectified(v_e, p[KC, i] * u[IFD, i]), p[VBMAX, i])
@@ -135,6 +135,7 @@ ESST4B = Device(
         "reactive_power",
         "d_current",
         "q_current",
+        "supply_voltage",
     ),
     outputs=("source_voltage", "field_voltage"),
     output=output,

@@ -19,7 +19,7 @@ from gridfold.dynamics.exciters.dc_commutator import exciter_rate, regulator, st
 TR, KA, TA, TB, TC, VRMAX, VRMIN, KE, TE, KF, TF, E1, SE1, E2, SE2, ADDED = range(16)
 VREF, KEU, BASE_SPEED = range(16, 19)
 VC, LEAD, VR, VF, EFD = range(5)
-VT, VS = range(2)
+VT, VS, SUPPLY = range(3)
 START = 0
 
 DYR_COLUMNS = dc_commutator.COMPENSATED_COLUMNS
@@ -46,8 +46,8 @@ def derivative(x, u, p, y, dx):
             p[TA, i],
             p[TC, i],
             p[TB, i],
-            u[VT, i] * p[VRMIN, i],
-            u[VT, i] * (p[VRMAX, i] + p[ADDED, i]),
+            u[SUPPLY, i] * p[VRMIN, i],
+            u[SUPPLY, i] * (p[VRMAX, i] + p[ADDED, i]),
         )
         dx[EFD, i] = exciter_rate(
             v_r, x[EFD, i], p[KEU, i], p[TE, i], p[E1, i], p[SE1, i], p[E2, i], p[SE2, i]
@@ -72,7 +72,7 @@ EXDC2 = Device(
         "feedback_state",
         "field_voltage",
     ),
-    inputs=("terminal_voltage", "stabilizer_signal"),
+    inputs=("terminal_voltage", "stabilizer_signal", "supply_voltage"),
     outputs=(dc_commutator.START_CONDITION,),
     output=output,
     derivative=derivative,

@@ -38,7 +38,7 @@ from gridfold.dynamics.exciters.rectifier import compound_voltage, rectified
     E1, SE1, E2, SE2, KP, KI, KC, BASE, VREF, BASE_SPEED,
 ) = range(27)  # fmt: skip
 VC, INTEGRAL, FIRST, SECOND, VF1, VF2, VE = range(7)
-VT, VS, IFD, P, Q, ID, IQ = range(7)
+VT, VS, IFD, P, Q, ID, IQ, SUPPLY = range(8)
 REGULATED, LIMITED, EFD = range(3)
 
 PARAMETERS = (
@@ -97,13 +97,20 @@ def output(x, u, p, y, dx):
     """Regulator output, exciter input and field voltage."""
     for i in range(x.shape[1]):
         y[REGULATED, i] = amplified(x, u, p, i)
-        v_b = 1.0 + 0.0 * u[VT, i]
+        v_b = 1.0 + 0.0 * u[SUPPLY, i]
         if p[KP, i].real > 0 or p[KI, i].real > 0:
             base = p[BASE, i]
             squared = (u[ID, i] * u[ID, i] + u[IQ, i] * u[IQ, i]) / (base * base)
             none = 0.0 * base
             v_e = compound_voltage(
-                u[VT, i], u[P, i] / base, u[Q, i] / base, squared, p[KP, i], none, p[KI, i], none
+                u[SUPPLY, i],
+                u[P, i] / base,
+                u[Q, i] / base,
+                squared,
+                p[KP, i],
+                none,
+                p[KI, i],
+                none,
             )
             v_b = rectified(v_e, p[KC, i] * u[IFD, i])
         y[LIMITED, i] = clip(y[REGULATED, i] * v_b, p[EFDMIN, i], p[EFDMAX, i])
@@ -173,6 +180,7 @@ EXPIC1 = Device(
         "reactive_power",
         "d_current",
         "q_current",
+        "supply_voltage",
     ),
     outputs=("regulated_voltage", "exciter_input", "field_voltage"),
     output=output,

@@ -21,7 +21,7 @@ from gridfold.dynamics.device import Bound, Device, Parameter, Role, Values, lim
 
 TR, VIMAX, VIMIN, TC, TB, KA, TA, VRMAX, VRMIN, KC, KF, TF, VREF, BASE_SPEED = range(14)
 VC, LEAD, VA, VF = range(4)
-VT, VS, IFD = range(3)
+VT, VS, IFD, SUPPLY = range(4)
 AMPLIFIED, EFD = range(2)
 
 DYR_COLUMNS: tuple[str | None, ...] = (
@@ -80,7 +80,7 @@ def output(x, u, p, y, dx):
             )
             y[AMPLIFIED, i] = p[KA, i] * lead
         drop = p[KC, i] * u[IFD, i]
-        lowest, highest = u[VT, i] * p[VRMIN, i] - drop, u[VT, i] * p[VRMAX, i] - drop
+        lowest, highest = u[SUPPLY, i] * p[VRMIN, i] - drop, u[SUPPLY, i] * p[VRMAX, i] - drop
         y[EFD, i] = clip(y[AMPLIFIED, i], lowest, highest)
 
 
@@ -137,7 +137,7 @@ EXST1 = Device(
     ),
     set_points=("voltage_reference",),
     states=("measured_voltage", "lead_lag_state", "regulator_voltage", "feedback_state"),
-    inputs=("terminal_voltage", "stabilizer_signal", "field_current"),
+    inputs=("terminal_voltage", "stabilizer_signal", "field_current", "supply_voltage"),
     outputs=("amplified_voltage", "field_voltage"),
     output=output,
     derivative=derivative,

@@ -36,7 +36,7 @@ from gridfold.dynamics.exciters.rectifier import compound_voltage
     TR, KA, TA, VRMAX, VRMIN, TE, KF, TF, KP, KI, VBMAX, KE, BASE, VREF, BASE_SPEED,
 ) = range(15)  # fmt: skip
 VC, VR, VF, EFD = range(4)
-VT, VS, IFD, P, Q, ID, IQ = range(7)
+VT, VS, IFD, P, Q, ID, IQ, SUPPLY = range(8)
 SOURCE = 0
 #: Voltage that a p.u. of field current takes away, in p.u.
 LOADING = 0.78
@@ -73,7 +73,7 @@ def output(x, u, p, y, dx):
         squared = (u[ID, i] * u[ID, i] + u[IQ, i] * u[IQ, i]) / (base * base)
         none = 0.0 * base
         v_th = compound_voltage(
-            u[VT, i], u[P, i] / base, u[Q, i] / base, squared, p[KP, i], none, p[KI, i], none
+            u[SUPPLY, i], u[P, i] / base, u[Q, i] / base, squared, p[KP, i], none, p[KI, i], none
         )
         y[SOURCE, i] = loaded(v_th, u[IFD, i])
 
@@ -96,7 +96,7 @@ def guess(p: Values, known: Mapping[str, Any]) -> Mapping[str, Any]:
     """The field voltage is prescribed, the source is known, and near VR = 0 the rest is linear."""
     return {
         **dict.fromkeys(("field_voltage", "feedback_state"), known["field_voltage"]),
-        **dict.fromkeys(("measured_voltage", "voltage_reference"), known["terminal_voltage"]),
+        **dict.fromkeys(("measured_voltage", "voltage_reference"), known["supply_voltage"]),
     }
 
 
@@ -115,6 +115,7 @@ IEEET3 = Device(
         "reactive_power",
         "d_current",
         "q_current",
+        "supply_voltage",
     ),
     outputs=("source_voltage",),
     output=output,

@@ -21,7 +21,7 @@ from gridfold.dynamics.device import Bound, Device, Parameter, Role, Values, lim
 
 RATIO, TB, K, TE, EMIN, EMAX, SWITCH, CROWBAR, VREF, BASE_SPEED = range(10)
 LEAD, VD = range(2)
-VT, VS, IFD = range(3)
+VT, VS, IFD, SUPPLY = range(4)
 EFD = 0
 
 PARAMETERS = (
@@ -49,7 +49,7 @@ def output(x, u, p, y, dx):
         error = p[VREF, i] + u[VS, i] - u[VT, i]
         lead, _ = lead_lag(error, x[LEAD, i], p[RATIO, i] * p[TB, i], p[TB, i])
         v_d, _ = limited_lag(p[K, i] * lead, x[VD, i], p[TE, i], p[EMIN, i], p[EMAX, i])
-        y[EFD, i] = v_d * source(p[SWITCH, i], u[VT, i])
+        y[EFD, i] = v_d * source(p[SWITCH, i], u[SUPPLY, i])
         if p[CROWBAR, i].real > 0 and u[IFD, i].real < 0:
             y[EFD, i] = -p[CROWBAR, i] * u[IFD, i]
 
@@ -80,7 +80,7 @@ SCRX = Device(
     parameters=PARAMETERS,
     set_points=("voltage_reference",),
     states=("lead_lag_state", "exciter_voltage"),
-    inputs=("terminal_voltage", "stabilizer_signal", "field_current"),
+    inputs=("terminal_voltage", "stabilizer_signal", "field_current", "supply_voltage"),
     outputs=("field_voltage",),
     output=output,
     derivative=derivative,

@@ -27,7 +27,7 @@ from gridfold.dynamics.exciters.pid import gains, some_gain
     VREF, BASE_SPEED,
 ) = range(19)  # fmt: skip
 VC, INTEGRAL, DIFFERENCE, VG = range(4)
-VT, VS, IFD = range(3)
+VT, VS, IFD, SUPPLY = range(4)
 EFD = 0
 
 PARAMETERS = (
@@ -68,12 +68,12 @@ def output(x, u, p, y, dx):
         if p[TG, i].real > 0:
             v_m = forward - p[KM, i] * x[VG, i]
         else:
-            v_m = forward / (1.0 + p[KM, i] * p[KG, i] * u[VT, i])
+            v_m = forward / (1.0 + p[KM, i] * p[KG, i] * u[SUPPLY, i])
         v_m = clip(v_m, p[VRMIN, i], p[VRMAX, i])
         if p[KLR, i].real > 0:
             v_i = p[KLR, i] * (p[KCI, i] * p[ILR, i] - u[IFD, i])
             v_m = lower(v_m, higher(v_i, p[VRMIN, i]))
-        y[EFD, i] = u[VT, i] * v_m
+        y[EFD, i] = u[SUPPLY, i] * v_m
 
 
 def derivative(x, u, p, y, dx):
@@ -101,7 +101,7 @@ ST6B = Device(
     parameters=PARAMETERS,
     set_points=("voltage_reference",),
     states=("measured_voltage", "regulator_integral", "regulator_difference", "inner_feedback"),
-    inputs=("terminal_voltage", "stabilizer_signal", "field_current"),
+    inputs=("terminal_voltage", "stabilizer_signal", "field_current", "supply_voltage"),
     outputs=("field_voltage",),
     output=output,
     derivative=derivative,

@@ -59,7 +59,7 @@ _SYMBOLS = ("K2", "K4", "K6", "K8")
 
 
 @njit
-def _turbine(gate, chest, reheater, crossover, outlet, t4, t5, t6, t7):
+def turbine(gate, chest, reheater, crossover, outlet, t4, t5, t6, t7):
     """Outputs of the four lags, then the derivatives of their states."""
     power_1, d_chest = lag(gate, chest, t4)
     power_2, d_reheater = lag(power_1, reheater, t5)
@@ -71,7 +71,7 @@ def _turbine(gate, chest, reheater, crossover, outlet, t4, t5, t6, t7):
 def output(x, u, p, y, dx):
     """Mechanical power on the system base."""
     for i in range(x.shape[1]):
-        power_1, power_2, power_3, power_4, _, _, _, _ = _turbine(
+        power_1, power_2, power_3, power_4, _, _, _, _ = turbine(
             clip(x[GATE, i], p[PMIN, i], p[PMAX, i]),
             x[CHEST, i], x[REHEATER, i], x[CROSSOVER, i], x[OUTLET, i],
             p[T4, i], p[T5, i], p[T6, i], p[T7, i],
@@ -88,7 +88,7 @@ def derivative(x, u, p, y, dx):
         wanted = (p[PREF, i] - p[K, i] * signal - gate) / p[T3, i]
         rate = clip(wanted, p[UC, i], p[UO, i])
         dx[GATE, i] = held(rate, x[GATE, i], p[PMIN, i], p[PMAX, i])
-        _, _, _, _, dx[CHEST, i], dx[REHEATER, i], dx[CROSSOVER, i], dx[OUTLET, i] = _turbine(
+        _, _, _, _, dx[CHEST, i], dx[REHEATER, i], dx[CROSSOVER, i], dx[OUTLET, i] = turbine(
             gate,
             x[CHEST, i], x[REHEATER, i], x[CROSSOVER, i], x[OUTLET, i],
             p[T4, i], p[T5, i], p[T6, i], p[T7, i],

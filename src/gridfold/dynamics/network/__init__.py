@@ -13,7 +13,6 @@ from gridfold.dynamics.network.real_sparse import (
     real_sparse_network,
 )
 from gridfold.dynamics.network.sparse import sparse_network
-from gridfold.powerflow.result import PowerFlowResult
 
 #: Number of machine terminals from which the sparse backend is faster (see docs/benchmarks.md).
 SPARSE_FROM = 125
@@ -36,7 +35,6 @@ def compile_with_loads(
     backend: NetworkBackend,
     terminals: tuple[int, ...],
     injections: Injections,
-    power_flow: PowerFlowResult,
 ) -> CompiledNetwork:
     """Compile `equations` with the nonlinear loads of `injections`, if there are any.
 
@@ -49,7 +47,7 @@ def compile_with_loads(
         many = len(terminals) >= SPARSE_WITH_LOADS_FROM
         backend = NetworkBackend.SPARSE if many else NetworkBackend.DENSE
     at = loads.places(terminals)
-    currents = norton_currents(power_flow, injections, terminals)
+    currents = norton_currents(injections, terminals)
     voltages = near_solution(equations, currents, loads, at)
     slopes = loads.slopes(voltages[at])
     if backend is NetworkBackend.SPARSE:
@@ -63,18 +61,13 @@ def compile_with_loads(
     return with_loads(folded, loads, terminals, voltages, slopes)
 
 
-def norton_currents(
-    power_flow: PowerFlowResult, injections: Injections, terminals: tuple[int, ...]
-) -> NDArray[np.complex128]:
-    """Norton currents of all sources at the operating point, by terminal, (n_terminals,)."""
-    case = power_flow.case
+def norton_currents(injections: Injections, terminals: tuple[int, ...]) -> NDArray[np.complex128]:
+    """Norton currents of the sources at the operating point, by terminal, (n_terminals,)."""
     place = {bus: k for k, bus in enumerate(terminals)}
     currents = np.zeros(len(terminals), dtype=np.complex128)
-    for generator, power in zip(case.generators, power_flow.unit_power, strict=True):
-        if generator.in_service and generator.key not in injections.negative_load:
-            voltage = power_flow.voltage[case.bus_index[generator.bus]]
-            own = injections.machine.get(generator.key, 0.0)
-            currents[place[generator.bus]] += np.conj(power / voltage) + own * voltage
+    for unit, norton in injections.norton.items():
+        if unit.bus in place:
+            currents[place[unit.bus]] += norton
     return currents
 
 

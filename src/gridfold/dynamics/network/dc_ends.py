@@ -53,7 +53,5 @@ def without_dead_lines(
     return replace(
         whole,
         load=whole.load - np.conj(power + current) / np.abs(power_flow.voltage) ** 2,
-        nonlinear=replace(
-            loads, power=loads.power - power[at], current=loads.current - current[at]
-        ),
+        nonlinear=loads.less(power[at], current[at]),
     )

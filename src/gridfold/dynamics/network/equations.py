@@ -44,7 +44,11 @@ class Injections:
     negative_load : mapping
         Admittance of each generator that is a negative load, by unit.
     machine : mapping
-        Norton admittance of each machine, by unit.
+        Norton admittance of each machine and device of a load, by unit.
+    norton : mapping
+        Their Norton currents at the operating point, by unit.
+    leading : frozenset of UnitKey
+        Those that keep an island alive: machines with a rotor, and infinite buses.
     nonlinear : NonlinearLoads, optional
         Parts of loads and ends of dc lines that are no impedances; `load` has their equivalents.
     """
@@ -52,6 +56,8 @@ class Injections:
     load: NDArray[np.complex128]
     negative_load: Mapping[UnitKey, complex]
     machine: Mapping[UnitKey, complex]
+    norton: Mapping[UnitKey, complex]
+    leading: frozenset[UnitKey]
     nonlinear: NonlinearLoads | None = None
 
 
@@ -163,7 +169,8 @@ def build_equations(
     inside = {point.branch for point in state.branch_faults if point.at_end is None}
     altered = state.severed | inside
     machines = {u: y for u, y in injections.machine.items() if u not in state.units_out}
-    islands = find_islands(case, state.severed, (unit.bus for unit in machines))
+    leading = (unit.bus for unit in injections.leading if unit not in state.units_out)
+    islands = find_islands(case, state.severed, leading)
     shunt = load_admittance(power_flow, injections, state)
     for unit, admittance in (*injections.negative_load.items(), *machines.items()):
         if unit not in state.units_out:

@@ -22,7 +22,8 @@ def without_shed(
     gone = np.zeros(len(case.buses))
     for bus, part in shed:
         gone[case.bus_index[bus]] += part
-    load = whole.load - gone * np.conj(power_flow.load_power) / np.abs(power_flow.voltage) ** 2
+    ends = np.conj(power_flow.converter_power) / np.abs(power_flow.voltage) ** 2
+    load = whole.load - gone * (whole.load - ends)
     loads = whole.nonlinear
     if loads is not None:
         at = np.array([case.bus_index[bus] for bus in loads.buses], dtype=np.int64)
@@ -32,9 +33,6 @@ def without_shed(
             )
             for kind in (False, True)
         )
-        loads = replace(
-            loads,
-            power=loads.power - gone[at] * (loads.power - held[at]),
-            current=loads.current - gone[at] * (loads.current - current[at]),
-        )
+        own = loads.less(held[at], current[at])
+        loads = replace(loads, power=loads.power - gone[at][:, None] * own.power)
     return replace(whole, load=load, nonlinear=loads)

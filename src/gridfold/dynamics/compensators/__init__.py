@@ -1,0 +1,1 @@
+"""Voltage compensators, between the terminals of a machine and its exciter."""

@@ -1,0 +1,1 @@
+"""Devices of loads: voltage and frequency dependence, induction motors."""
