@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from plants import two_plants
 
@@ -376,3 +377,17 @@ def test_models_of_ones_own_are_edited_too(plants):
     case = own.edit(mine).set("MINE 101:1 K=50").case()
     assert parameter(case, "mine", 101, "1", "regulator_gain") == 50.0
     assert "is no kind of record" in faults(own.edit().set("MINE 101:1 K=50"))[0]
+
+
+def test_numbers_of_numpy_make_the_same_case(plants):
+    def edited(number):
+        editor = (
+            plants.edit().scale_load(number(1.5), areas=number(2)).redispatch(number(5), areas=2)
+        )
+        load = gf.Load(103, "9", number(7))
+        return editor.set(f"GENROU 101:1 H={number(4)}").add(load).case()
+
+    assert edited(np.int64).fingerprint == edited(int).fingerprint
+    assert plants.edit().scale_load(np.float64(1.5)).case().fingerprint == (
+        plants.edit().scale_load(1.5).case().fingerprint
+    )

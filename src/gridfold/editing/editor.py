@@ -98,7 +98,9 @@ class CaseEditor:
         zones: Places = "",
     ) -> CaseEditor:
         """Loads in service times `factor`, or to `active_mw` together; without a place, all of them."""
-        return self.then(ScaleLoad(factor, active_mw, str(buses), str(areas), str(zones)))
+        times = None if factor is None else float(factor)
+        power = None if active_mw is None else float(active_mw)
+        return self.then(ScaleLoad(times, power, str(buses), str(areas), str(zones)))
 
     def set(self, *records: str) -> CaseEditor:
         """Values of records, each as ``"GENROU 101:1 H=4 D=0"``."""
@@ -118,7 +120,7 @@ class CaseEditor:
         units: str = "",
     ) -> CaseEditor:
         """`active_mw` more (negative: less) from units, shared in proportion to their power."""
-        return self.then(Dispatch(active_mw, str(buses), str(areas), str(zones), units))
+        return self.then(Dispatch(float(active_mw), str(buses), str(areas), str(zones), units))
 
     def add(self, *records: str | Record) -> CaseEditor:
         """New records, each as ``"load 101:2 PL=50"`` or as a record such as :class:`gridfold.Load`."""
