@@ -391,3 +391,10 @@ def test_numbers_of_numpy_make_the_same_case(plants):
     assert plants.edit().scale_load(np.float64(1.5)).case().fingerprint == (
         plants.edit().scale_load(1.5).case().fingerprint
     )
+
+
+def test_what_is_no_number_is_told_at_once(plants):
+    with pytest.raises(gf.OptionError, match="factor must be a number, not 'much'"):
+        plants.edit().scale_load("much")
+    with pytest.raises(gf.OptionError, match="active_mw must be a number, not None"):
+        plants.edit().redispatch(None, areas=1)

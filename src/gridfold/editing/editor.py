@@ -10,7 +10,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models
 from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.edits import Add, Dispatch, Edit, Remove, ScaleLoad, Set, Switch
-from gridfold.errors import CaseError, GridfoldError
+from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case, Record
 from gridfold.grid.validation import validate_case
 
@@ -98,8 +98,8 @@ class CaseEditor:
         zones: Places = "",
     ) -> CaseEditor:
         """Loads in service times `factor`, or to `active_mw` together; without a place, all of them."""
-        times = None if factor is None else float(factor)
-        power = None if active_mw is None else float(active_mw)
+        times = None if factor is None else _number("factor", factor)
+        power = None if active_mw is None else _number("active_mw", active_mw)
         return self.then(ScaleLoad(times, power, str(buses), str(areas), str(zones)))
 
     def set(self, *records: str) -> CaseEditor:
@@ -120,7 +120,9 @@ class CaseEditor:
         units: str = "",
     ) -> CaseEditor:
         """`active_mw` more (negative: less) from units, shared in proportion to their power."""
-        return self.then(Dispatch(float(active_mw), str(buses), str(areas), str(zones), units))
+        return self.then(
+            Dispatch(_number("active_mw", active_mw), str(buses), str(areas), str(zones), units)
+        )
 
     def add(self, *records: str | Record) -> CaseEditor:
         """New records, each as ``"load 101:2 PL=50"`` or as a record such as :class:`gridfold.Load`."""
@@ -143,6 +145,14 @@ class CaseEditor:
             Lists the faults, as :func:`gridfold.apply_edits`.
         """
         return apply_edits(self.base, self.edits, self.devices)
+
+
+def _number(name: str, value: float) -> float:
+    """A number of Python; OptionError where it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise OptionError(f"{name} must be a number, not {value!r}") from None
 
 
 def edit_case(case: Case, devices: Devices = ()) -> CaseEditor:

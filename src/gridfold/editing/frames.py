@@ -69,9 +69,9 @@ def _row(case: Case, record: Record) -> dict[str, Any]:
         return {**first, **ends, **values}
     if "bus" not in values:
         return values
-    place = {"bus": values.pop("bus"), "id": values.pop("id"), "bus_name": _name(case, record.bus)}  # type: ignore[union-attr]
+    place = _place(case, record)
     bus = case.buses[case.bus_index[place["bus"]]]
-    return {**place, "area": bus.area, "zone": bus.zone, **values}
+    return {**place, "area": bus.area, "zone": bus.zone, **values, **place}
 
 
 def _place(case: Case, record: Any) -> dict[str, Any]:
