@@ -398,3 +398,15 @@ def test_what_is_no_number_is_told_at_once(plants):
         plants.edit().scale_load("much")
     with pytest.raises(gf.OptionError, match="active_mw must be a number, not None"):
         plants.edit().redispatch(None, areas=1)
+
+
+def test_devices_of_loads_are_named_by_their_load(plants):
+    text = (
+        "IEELBL 104:1 "
+        + " ".join(f"a{k}=0" for k in range(1, 9))
+        + " n1=0 n2=0 n3=0 n4=0 n5=0 n6=0"
+    )
+    case = plants.edit().add(text).set("IEEL 104:1 a1=1 a4=1", "IEELBL 104 a7=0.5").case()
+    assert case.devices[-1].key == case.loads[1].key
+    names = ("active_weight_1", "reactive_weight_1", "active_frequency_factor")
+    assert [case.devices[-1].parameters[name] for name in names] == [1.0, 1.0, 0.5]

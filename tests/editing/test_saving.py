@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from plants import MACHINE, two_plants
 
 import gridfold as gf
+from gridfold.dynamics.device import Role
 from gridfold.dynamics.psse_parameters import named_parameters, source_impedance
 from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.saving import write_case
@@ -40,6 +41,7 @@ PUBLIC = {
     "activsg2000": ("activsg2000/ACTIVSg2000.RAW", "activsg2000/ACTIVSg2000_dynamics.dyr"),
 }
 LENIENT = {"unsupported": "classical", "without_data": "negative_load"}
+IEEL = ("a2", "a3", "a5", "a6", "a7", "a8", "n1", "n2", "n3", "n4", "n5", "n6")
 CONTROLS = (
     UnitControl(101, "1", 1.01, 103, -80.0, 120.0, 60.0),
     ShuntControl(103, "S1", ShuntMode.DISCRETE, 0.97, 1.03, 103, ((3, 10.0), (1, -20.0))),
@@ -90,8 +92,11 @@ def full_case():
     """Two plants with all that a case may have besides."""
     shunt = gf.Shunt(103, "S1", susceptance_mvar=20.0)
     case = two_plants()
+    text = "IEELBL 103:1 a1=1 a4=1 " + " ".join(f"{name}=0" for name in IEEL)
+    case = case.edit().add(text).set("load 103 area=2 zone=1 owner=7").case()
     return replace(
         case,
+        notices=(),
         shunts=(*case.shunts, shunt),
         dc_lines=DC_LINES,
         flow_controls=CONTROLS,
@@ -357,7 +362,8 @@ def records_of_psse(in_network):
                 for k, n in enumerate(names)
                 if n in device.psse_record or n in in_network
             }
-            yield device, gf.DeviceRecord(device.model, 101, "1", values)
+            unit = "load-1" if device.role is Role.LOAD else "1"
+            yield device, gf.DeviceRecord(device.model, 101, unit, values)
 
 
 def test_records_of_every_model_come_back_with_their_values(tmp_path):
@@ -371,7 +377,8 @@ def test_records_of_every_model_come_back_with_their_values(tmp_path):
         faults: list[str] = []
         given = source_impedance(device, unit) | named_parameters(read, device, "here", faults)
         assert faults == []
-        assert read.model == device.model.upper()
+        suffix = "BL" if device.role is Role.LOAD else ""
+        assert (read.model, read.bus, read.id) == (f"{device.model.upper()}{suffix}", 101, "1")
         assert {name: given[name] for name in record.parameters} == record.parameters, device.model
 
 

@@ -14,6 +14,8 @@ from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case, Record
 from gridfold.grid.validation import validate_case
 
+#: How a notice of a case about an edit begins.
+EDITED = "edited: "
 #: Buses, areas or zones: a number, or text such as ``1-36,78``.
 Places = str | int
 
@@ -49,7 +51,7 @@ def apply_edits(case: Case, edits: Sequence[Edit], devices: Mapping[str, Device]
             faults.append(f"edit {number}: {error}")
             continue
         origins |= dict.fromkeys(names, f"edit {number}")
-        done.append(f"edited: {text}")
+        done.append(f"{EDITED}{text}")
     if not faults:
         after = replace(after, origins=origins, notices=(*case.notices, *done))
         faults = _new_faults(replace(case, origins=origins), after, devices)

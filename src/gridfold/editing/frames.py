@@ -71,7 +71,10 @@ def _row(case: Case, record: Record) -> dict[str, Any]:
         return values
     place = _place(case, record)
     bus = case.buses[case.bus_index[place["bus"]]]
-    return {**place, "area": bus.area, "zone": bus.zone, **values, **place}
+    own = {name: values.pop(name, 0) or getattr(bus, name) for name in ("area", "zone")}
+    if "owner" in values:
+        own["owner"] = values.pop("owner") or bus.owner
+    return {**place, **own, **values, **place}
 
 
 def _place(case: Case, record: Any) -> dict[str, Any]:
