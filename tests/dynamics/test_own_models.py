@@ -84,7 +84,10 @@ WRONG = {
     "arguments": ({"derivative": lambda x, u: None}, "its derivative kernel takes 2 arguments"),
     "decorated": ({"derivative": print}, "its derivative kernel is no plain function"),
     "machine": ({"role": Role.MACHINE}, "a machine needs two sources"),
-    "admittance": ({"admittance": lambda p: 1j}, "only machines and devices of loads have a source and an admittance"),
+    "admittance": (
+        {"admittance": lambda p: 1j},
+        "only machines and devices of loads have a source and an admittance",
+    ),
     "role's signal": (
         {"states": ("voltage",), "targets": ("voltage",)},
         "its role gives field_voltage, which is none of its states and outputs",
