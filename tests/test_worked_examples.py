@@ -15,6 +15,8 @@ from gridfold.study.study_file import parse_study
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 GUIDE = EXAMPLES.parent / "docs" / "howto" / "study.md"
+EDITING = GUIDE.with_name("editing.md")
+NOTEBOOKS = sorted(path.name for path in EXAMPLES.glob("*.ipynb"))
 STUDIES = sorted(path.parent.name for path in EXAMPLES.glob("*/study.toml"))
 
 
@@ -115,7 +117,7 @@ def test_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch):
 
     plt.switch_backend("Agg")
     names: dict = {}
-    for text in _code_cells():
+    for text in _code_cells("study.ipynb"):
         exec(text, names)
     plt.close("all")
     assert names["outcome"].complete
@@ -123,8 +125,27 @@ def test_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert names["counts"].sum() == 6
 
 
-def test_notebook_is_kept_without_output():
-    notebook = json.loads((EXAMPLES / "study.ipynb").read_text(encoding="utf-8"))
+def test_ten_edited_cases_of_the_notebook_run_and_a_heavier_area_swings_more(capsys):
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("Agg")
+    names: dict = {}
+    for text in _code_cells("edited_cases.ipynb"):
+        exec(text, names)
+    plt.close("all")
+    table = names["table"].set_index(["load_percent", "machines"])
+    assert len(table) == 10
+    assert set(table["status"]) == {"completed"}
+    assert (table["largest_swing_deg"].unstack().diff().dropna() > 0).all(axis=None)
+    losses = table["losses_mw"].unstack()
+    assert (losses["as they are"] == losses["all H = 20 s"]).all()
+    assert names["again"].fingerprint == names["heavy"].fingerprint
+    assert "edit 2: branch 29-38: there is no branch" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_notebooks_are_kept_without_output(name):
+    notebook = json.loads((EXAMPLES / name).read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells)
@@ -144,12 +165,28 @@ def test_python_of_the_guide_runs_as_printed(tmp_path, monkeypatch):
     assert names["curves"]["units"].size
 
 
+def test_python_and_files_of_the_guide_to_editing_are_as_printed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for block in _blocks("python", EDITING):
+        exec(block, names)
+    edits, study = _blocks("toml", EDITING)
+    (tmp_path / "heavy.toml").write_text(edits, encoding="utf-8")
+    case = gf.load_case("npcc", edits=gf.load_edits("heavy.toml"))
+    editor = names["editor"].set("two_axis 26:1 H=40").switch("branch 29-37", "out")
+    assert case.fingerprint == editor.case().fingerprint
+    assert parse_study(tomllib.loads(study)).case.edits == "heavy.toml"
+
+
 def _only_block(language):
-    blocks = re.findall(rf"```{language}\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 1
-    return blocks[0]
+    (block,) = _blocks(language, GUIDE)
+    return block
 
 
-def _code_cells():
-    notebook = json.loads((EXAMPLES / "study.ipynb").read_text(encoding="utf-8"))
+def _blocks(language, page):
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def _code_cells(name):
+    notebook = json.loads((EXAMPLES / name).read_text(encoding="utf-8"))
     return ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from plants import two_plants
 
@@ -376,3 +377,36 @@ def test_models_of_ones_own_are_edited_too(plants):
     case = own.edit(mine).set("MINE 101:1 K=50").case()
     assert parameter(case, "mine", 101, "1", "regulator_gain") == 50.0
     assert "is no kind of record" in faults(own.edit().set("MINE 101:1 K=50"))[0]
+
+
+def test_numbers_of_numpy_make_the_same_case(plants):
+    def edited(number):
+        editor = (
+            plants.edit().scale_load(number(1.5), areas=number(2)).redispatch(number(5), areas=2)
+        )
+        load = gf.Load(103, "9", number(7))
+        return editor.set(f"GENROU 101:1 H={number(4)}").add(load).case()
+
+    assert edited(np.int64).fingerprint == edited(int).fingerprint
+    assert plants.edit().scale_load(np.float64(1.5)).case().fingerprint == (
+        plants.edit().scale_load(1.5).case().fingerprint
+    )
+
+
+def test_what_is_no_number_is_told_at_once(plants):
+    with pytest.raises(gf.OptionError, match="factor must be a number, not 'much'"):
+        plants.edit().scale_load("much")
+    with pytest.raises(gf.OptionError, match="active_mw must be a number, not None"):
+        plants.edit().redispatch(None, areas=1)
+
+
+def test_devices_of_loads_are_named_by_their_load(plants):
+    text = (
+        "IEELBL 104:1 "
+        + " ".join(f"a{k}=0" for k in range(1, 9))
+        + " n1=0 n2=0 n3=0 n4=0 n5=0 n6=0"
+    )
+    case = plants.edit().add(text).set("IEEL 104:1 a1=1 a4=1", "IEELBL 104 a7=0.5").case()
+    assert case.devices[-1].key == case.loads[1].key
+    names = ("active_weight_1", "reactive_weight_1", "active_frequency_factor")
+    assert [case.devices[-1].parameters[name] for name in names] == [1.0, 1.0, 0.5]

@@ -13,6 +13,9 @@ from hypothesis import strategies as st
 from plants import MACHINE, two_plants
 
 import gridfold as gf
+from gridfold.dynamics.device import Role
+from gridfold.dynamics.psse_parameters import named_parameters, source_impedance
+from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.saving import write_case
 from gridfold.grid.dc_lines import (
     DcControl,
@@ -23,6 +26,8 @@ from gridfold.grid.dc_lines import (
     TransistorLine,
 )
 from gridfold.grid.flow_controls import ShuntControl, ShuntMode, UnitControl
+from gridfold.io.dyr import read_dyr
+from gridfold.io.powerio_cases import read_network
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
@@ -36,6 +41,7 @@ PUBLIC = {
     "activsg2000": ("activsg2000/ACTIVSg2000.RAW", "activsg2000/ACTIVSg2000_dynamics.dyr"),
 }
 LENIENT = {"unsupported": "classical", "without_data": "negative_load"}
+IEEL = ("a2", "a3", "a5", "a6", "a7", "a8", "n1", "n2", "n3", "n4", "n5", "n6")
 CONTROLS = (
     UnitControl(101, "1", 1.01, 103, -80.0, 120.0, 60.0),
     ShuntControl(103, "S1", ShuntMode.DISCRETE, 0.97, 1.03, 103, ((3, 10.0), (1, -20.0))),
@@ -86,8 +92,11 @@ def full_case():
     """Two plants with all that a case may have besides."""
     shunt = gf.Shunt(103, "S1", susceptance_mvar=20.0)
     case = two_plants()
+    text = "IEELBL 103:1 a1=1 a4=1 " + " ".join(f"{name}=0" for name in IEEL)
+    case = case.edit().add(text).set("load 103 area=2 zone=1 owner=7").case()
     return replace(
         case,
+        notices=(),
         shunts=(*case.shunts, shunt),
         dc_lines=DC_LINES,
         flow_controls=CONTROLS,
@@ -323,6 +332,54 @@ def test_any_small_case_comes_back(tmp_path, case):
     assert [load.power(1.03) for load in read.loads] == pytest.approx(
         [load.power(1.03) for load in case.loads]
     )
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "tests" / "io" / "raw").glob("*.raw")), ids=lambda p: p.stem
+)
+def test_every_kind_of_record_comes_back(tmp_path, path):
+    try:
+        case = gf.load_case(path, allow_unsupported_network=True)
+    except gf.CaseError:
+        pytest.skip("a file that is refused")
+    write_case(case, tmp_path / "folder")
+    folder, (again, _) = gf.load_case(tmp_path / "folder"), through_raw(case, tmp_path)
+    assert folder.fingerprint == case.fingerprint
+    assert folder.flow_controls == case.flow_controls
+    assert farthest(case, again) < 1e-10
+    for table in ("buses", "branches", "generators", "loads", "shunts", "dc_lines"):
+        names = [sorted(map(str, getattr(one, table))) for one in (case, folder, again)]
+        assert names[0] == names[1] == names[2], table
+
+
+def records_of_psse(in_network):
+    """For each model of PSS/E a device with other values for each parameter."""
+    for device in DEVICES.values():
+        if device.psse_record:
+            names = [parameter.name for parameter in device.parameters]
+            values = {
+                n: 0.5 + k
+                for k, n in enumerate(names)
+                if n in device.psse_record or n in in_network
+            }
+            unit = "load-1" if device.role is Role.LOAD else "1"
+            yield device, gf.DeviceRecord(device.model, 101, unit, values)
+
+
+def test_records_of_every_model_come_back_with_their_values(tmp_path):
+    """Each value stands in its column, and what stands in the network is read from there."""
+    in_network = ("resistance", "reactance")
+    for device, record in records_of_psse(in_network):
+        case = replace(two_plants(), devices=(record,))
+        write_case(case, tmp_path / "one.raw", overwrite=True)
+        (read,) = read_dyr(tmp_path / "one.dyr").records
+        unit = read_network(tmp_path / "one.raw").generators[0]
+        faults: list[str] = []
+        given = source_impedance(device, unit) | named_parameters(read, device, "here", faults)
+        assert faults == []
+        suffix = "BL" if device.role is Role.LOAD else ""
+        assert (read.model, read.bus, read.id) == (f"{device.model.upper()}{suffix}", 101, "1")
+        assert {name: given[name] for name in record.parameters} == record.parameters, device.model
 
 
 @pytest.mark.parametrize("name", PUBLIC)

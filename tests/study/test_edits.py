@@ -6,8 +6,10 @@ from hashlib import sha256
 
 import pytest
 from plants import two_plants
+from study_stores import new_store
 
 import gridfold as gf
+from gridfold.report.study_tables import study_facts
 from gridfold.study.named_files import read_named
 from gridfold.study.prepare import load_grid
 from gridfold.study.study_file import parse_study
@@ -47,3 +49,11 @@ def test_an_edit_that_is_wrong_is_told_with_its_number(folder):
         load_grid(study(edits=[{"kind": "set", "record": "GENROU 101:1 HH=4"}]), folder)
     with pytest.raises(gf.OptionError, match="edit 1: set needs record"):
         load_grid(study(edits=[{"kind": "set"}]), folder)
+
+
+def test_a_study_tells_its_edits(tmp_path):
+    notices = ["edited: genrou 101:1: inertia 6.5 -> 4", "something else"]
+    with new_store(tmp_path / "s", case_notices=notices) as store:
+        assert study_facts(store)["Edits (1)"] == "genrou 101:1: inertia 6.5 -> 4"
+    with new_store(tmp_path / "t", case_notices=notices[1:]) as store:
+        assert not any(name.startswith("Edits") for name in study_facts(store))

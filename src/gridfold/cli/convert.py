@@ -10,6 +10,7 @@ import typer
 
 from gridfold.cli.console import out
 from gridfold.cli.options import CaseOptions
+from gridfold.editing.editor import EDITED
 from gridfold.editing.saving import write_case
 from gridfold.errors import OptionError
 
@@ -43,7 +44,7 @@ def convert(
     counts = f"{len(case.buses)} buses, {len(case.devices)} devices"
     out.print(f"{target}: {case.name}, {counts}")
     for line in case.notices:
-        if line.startswith("edited: "):
+        if line.startswith(EDITED):
             out.print(line)
     for line in lost:
         out.print(f"not in the file: {line}", style="yellow")

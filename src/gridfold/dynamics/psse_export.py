@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from gridfold.dynamics.device import Device
+from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
-from gridfold.grid.case import Case, DeviceRecord, UnitKey
+from gridfold.grid.case import LOAD_PREFIX, Case, DeviceRecord, UnitKey
 from gridfold.grid.dynamic_records import DynamicData, DynamicRecord
 
 _GENCLS = "gencls"
@@ -60,7 +60,8 @@ def psse_data(case: Case, devices: Mapping[str, Device] = DEVICES) -> PsseData:
             lost.append((f"{record.model}, {_NO_RECORD}", str(record.key)))
         else:
             held = set(device.psse_record)
-            if "resistance" in {p.name for p in device.parameters} - held:
+            is_of_unit = device.role is not Role.LOAD
+            if is_of_unit and "resistance" in {p.name for p in device.parameters} - held:
                 held.add("resistance")
                 reactance = sources[record.key].source_reactance
                 impedances[record.key] = complex(_given(record, devices, "resistance"), reactance)
@@ -74,7 +75,7 @@ def psse_data(case: Case, devices: Mapping[str, Device] = DEVICES) -> PsseData:
                 0.0 if name is None else _given(record, devices, name)
                 for name in device.psse_record
             ]
-            records.append(_record(record.model, record, values))
+            records.append(_record(record.model, record, values, is_of_unit))
     network = _with_impedances(case, impedances)
     return PsseData(DynamicData(case.name, tuple(records)), network, tuple(lost))
 
@@ -94,5 +95,12 @@ def _given(record: DeviceRecord, devices: Mapping[str, Device], name: str) -> fl
     return float(record.parameters.get(name, 0.0 if default is None else default))
 
 
-def _record(model: str, record: DeviceRecord, values: list[float]) -> DynamicRecord:
-    return DynamicRecord(model.upper(), record.bus, record.id, tuple(values), line=0)
+def _record(
+    model: str, record: DeviceRecord, values: list[float], is_of_unit: bool = True
+) -> DynamicRecord:
+    """A record of a unit, or of one load, whose model ends in BL."""
+    if not is_of_unit:
+        model, identifier = f"{model}BL", record.id.removeprefix(LOAD_PREFIX)
+    else:
+        identifier = record.id
+    return DynamicRecord(model.upper(), record.bus, identifier, tuple(values), line=0)

@@ -10,10 +10,12 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models
 from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.edits import Add, Dispatch, Edit, Remove, ScaleLoad, Set, Switch
-from gridfold.errors import CaseError, GridfoldError
+from gridfold.errors import CaseError, GridfoldError, OptionError
 from gridfold.grid.case import Case, Record
 from gridfold.grid.validation import validate_case
 
+#: How a notice of a case about an edit begins.
+EDITED = "edited: "
 #: Buses, areas or zones: a number, or text such as ``1-36,78``.
 Places = str | int
 
@@ -49,7 +51,7 @@ def apply_edits(case: Case, edits: Sequence[Edit], devices: Mapping[str, Device]
             faults.append(f"edit {number}: {error}")
             continue
         origins |= dict.fromkeys(names, f"edit {number}")
-        done.append(f"edited: {text}")
+        done.append(f"{EDITED}{text}")
     if not faults:
         after = replace(after, origins=origins, notices=(*case.notices, *done))
         faults = _new_faults(replace(case, origins=origins), after, devices)
@@ -98,7 +100,9 @@ class CaseEditor:
         zones: Places = "",
     ) -> CaseEditor:
         """Loads in service times `factor`, or to `active_mw` together; without a place, all of them."""
-        return self.then(ScaleLoad(factor, active_mw, str(buses), str(areas), str(zones)))
+        times = None if factor is None else _number("factor", factor)
+        power = None if active_mw is None else _number("active_mw", active_mw)
+        return self.then(ScaleLoad(times, power, str(buses), str(areas), str(zones)))
 
     def set(self, *records: str) -> CaseEditor:
         """Values of records, each as ``"GENROU 101:1 H=4 D=0"``."""
@@ -118,7 +122,9 @@ class CaseEditor:
         units: str = "",
     ) -> CaseEditor:
         """`active_mw` more (negative: less) from units, shared in proportion to their power."""
-        return self.then(Dispatch(active_mw, str(buses), str(areas), str(zones), units))
+        return self.then(
+            Dispatch(_number("active_mw", active_mw), str(buses), str(areas), str(zones), units)
+        )
 
     def add(self, *records: str | Record) -> CaseEditor:
         """New records, each as ``"load 101:2 PL=50"`` or as a record such as :class:`gridfold.Load`."""
@@ -141,6 +147,14 @@ class CaseEditor:
             Lists the faults, as :func:`gridfold.apply_edits`.
         """
         return apply_edits(self.base, self.edits, self.devices)
+
+
+def _number(name: str, value: float) -> float:
+    """A number of Python; OptionError where it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise OptionError(f"{name} must be a number, not {value!r}") from None
 
 
 def edit_case(case: Case, devices: Devices = ()) -> CaseEditor:

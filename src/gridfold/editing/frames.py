@@ -69,9 +69,12 @@ def _row(case: Case, record: Record) -> dict[str, Any]:
         return {**first, **ends, **values}
     if "bus" not in values:
         return values
-    place = {"bus": values.pop("bus"), "id": values.pop("id"), "bus_name": _name(case, record.bus)}  # type: ignore[union-attr]
+    place = _place(case, record)
     bus = case.buses[case.bus_index[place["bus"]]]
-    return {**place, "area": bus.area, "zone": bus.zone, **values}
+    own = {name: values.pop(name, 0) or getattr(bus, name) for name in ("area", "zone")}
+    if "owner" in values:
+        own["owner"] = values.pop("owner") or bus.owner
+    return {**place, **own, **values, **place}
 
 
 def _place(case: Case, record: Any) -> dict[str, Any]:

@@ -16,10 +16,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from gridfold.dynamics.device import Device
+from gridfold.dynamics.device import Device, Role
 from gridfold.editing.symbols import KEYS, field_name, parameter_name
 from gridfold.errors import OptionError
 from gridfold.grid.case import (
+    LOAD_PREFIX,
     Branch,
     Bus,
     Case,
@@ -50,6 +51,8 @@ _SYNONYMS = {
     "machine": _GENERATOR,
     "unit": _GENERATOR,
 }
+#: How names of load models end in PSS/E, where they are those of one load.
+_OF_LOAD = "bl"
 _STATEMENT = re.compile(r"\s*(\S+)\s+(\S.*?)(?:[\s,]+([^\s=<>]+\s*=.*?))?\s*", re.DOTALL)
 _ASSIGNMENT = re.compile(
     r"""[\s,]*([^\s=]+?)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s,=]+))(?=[\s,]|$)"""
@@ -111,6 +114,8 @@ def parse_statement(text: str, devices: Mapping[str, Device]) -> Statement:
         )
     word = match[1].lower()
     kind = _SYNONYMS.get(word, word)
+    if kind not in devices and kind.removesuffix(_OF_LOAD) in devices:
+        kind = kind.removesuffix(_OF_LOAD)
     if kind not in KINDS and kind not in devices:
         near = difflib.get_close_matches(word, [*KINDS, *_SYNONYMS, *devices], n=1)
         shown = [name if name in KINDS or name in _SYNONYMS else name.upper() for name in near]
@@ -168,7 +173,7 @@ def find_records(case: Case, statement: Statement) -> list[Found]:
         return _chosen(case, statement, rows)
     bus, identifier = _at_bus(statement)
     at_bus = [row for row in rows if _bus_of(row.record) == bus]
-    found = [row for row in at_bus if identifier in (None, getattr(row.record, "id", None))]
+    found = [row for row in at_bus if identifier is None or identifier in _ids(row.record)]
     if len(found) > 1:
         listed = ", ".join(f"{bus}:{getattr(row.record, 'id', '')}" for row in found)
         raise OptionError(f"{statement.name}: say which, one of {listed}")
@@ -176,6 +181,12 @@ def find_records(case: Case, statement: Statement) -> list[Found]:
         there = _there(case, statement, bus, at_bus, rows)
         raise OptionError(f"there is no {statement.name}; {there}")
     return found
+
+
+def _ids(record: Record) -> tuple[str, ...]:
+    """What the id of a record may be written as: a device of a load goes by that of the load too."""
+    identifier = getattr(record, "id", "")
+    return identifier, identifier.removeprefix(LOAD_PREFIX)
 
 
 def _branches(case: Case, statement: Statement) -> list[Found]:
@@ -247,7 +258,10 @@ def new_record(statement: Statement, devices: Mapping[str, Device]) -> Record:
         if kind is Bus:
             record = Bus(bus)
         elif kind is DeviceRecord:
-            record = DeviceRecord(statement.kind, bus, identifier or "1")
+            unit = identifier or "1"
+            if devices[statement.kind].role is Role.LOAD and not unit.startswith(LOAD_PREFIX):
+                unit = f"{LOAD_PREFIX}{unit}"
+            record = DeviceRecord(statement.kind, bus, unit)
         else:
             record = kind(bus, identifier or "1")
     return with_values(record, statement.values, devices)

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from gridfold.dynamics.device import Device
 from gridfold.editing.edit import Edited
 from gridfold.editing.names import (
@@ -107,6 +109,7 @@ class Add:
         table = _TABLES.get(type(record))
         if table is None:
             raise OptionError(f"{record!r} is no record of a case")
+        record = _with_plain_numbers(record)
         rows = getattr(case, table)
         if any(str(row) == str(record) for row in rows):
             raise OptionError(f"{record} is there already")
@@ -145,6 +148,15 @@ def _named(case: Case, text: str, devices: Mapping[str, Device]) -> list[Found]:
         if statement.values:
             raise OptionError(f"{statement.name}: only set and add give values")
     return [found for statement in statements for found in find_records(case, statement)]
+
+
+def _with_plain_numbers(record: Record) -> Record:
+    """The record with numbers of Python in place of those of NumPy, which print otherwise."""
+    if isinstance(record, DeviceRecord):
+        values = {name: float(value) for name, value in record.parameters.items()}
+        return replace(record, parameters=values)
+    scalars = {k: v.item() for k, v in vars(record).items() if isinstance(v, np.generic)}
+    return replace(record, **scalars)
 
 
 def _shortened(separator: str, texts: Sequence[str]) -> str:

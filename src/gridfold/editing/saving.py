@@ -20,7 +20,9 @@ from gridfold.powerflow import solve_power_flow
 
 _RAW, _DYR = ".raw", ".dyr"
 #: Suffixes of files that are read, or are tables of something else, but not written as a case.
-_OTHER_FILES = (".m", ".mat", ".csv", ".json", ".toml", ".xlsx", ".parquet")
+_OTHER_FILES = (
+    *(".m", ".mat", ".sav", ".epc", ".txt", ".csv", ".json", ".toml", ".xls", ".xlsx", ".parquet"),
+)
 
 
 def save_case(case: Case, path: str | Path, *, overwrite: bool = False) -> None:

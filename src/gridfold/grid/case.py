@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
     from gridfold.editing import CaseEditor
 
+#: How the unit of a load's devices begins, before the id of the load.
+LOAD_PREFIX = "load-"
 _LATER = {"later": True}  # fields added since: part of the fingerprint only where not the default
 _LABEL = {"label": True}  # fields that no simulation depends on: no part of the fingerprint
 
@@ -100,7 +102,7 @@ class Load:
     @property
     def key(self) -> UnitKey:
         """The unit that its devices belong to."""
-        return UnitKey(self.bus, f"load-{self.id}")
+        return UnitKey(self.bus, f"{LOAD_PREFIX}{self.id}")
 
     def power(self, voltage_pu: float) -> complex:
         """Active and reactive power drawn at a voltage, in MVA."""

@@ -109,9 +109,11 @@ def _toml(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, float):
+        return repr(float(value))
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{name} = {_toml(item)}' for name, item in value.items())} }}"
-    return repr(value)
+    return str(value)
 
 
 def _table(records: Sequence[Record], lost: Lost) -> str:
@@ -146,7 +148,7 @@ def _cell(value: Any, record: Record, lost: Lost) -> str:
         return str(value.value)
     if isinstance(value, str):
         return _text(value, record, lost)
-    return repr(value)
+    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 def _text(text: str, record: Record, lost: Lost) -> str:

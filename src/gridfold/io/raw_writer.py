@@ -120,7 +120,6 @@ class _Writer:
         return f"{head},{place},{reals(self.units.voltage(bus), bus.angle_deg)}"
 
     def _load(self, load: Load) -> str:
-        bus = self.case.buses[self.case.bus_index[load.bus]]
         powers = (
             load.active_mw,
             load.reactive_mvar,
@@ -129,10 +128,9 @@ class _Writer:
             load.impedance_active_mw,
             -load.impedance_reactive_mvar or 0.0,
         )
-        head = (
-            f"{load.bus},{self.texts.identifier(load.id, load)},{flag(load)},{bus.area},{bus.zone}"
-        )
-        return f"{head},{reals(*powers)},1,1,0"
+        area, zone, owner = (str(own or "") for own in (load.area, load.zone, load.owner))
+        head = f"{load.bus},{self.texts.identifier(load.id, load)},{flag(load)}"
+        return f"{head},{area},{zone},{reals(*powers)},{owner},1,0"
 
     def _fixed(self, shunt: Shunt) -> str:
         if (shunt.bus, shunt.id) in self.controls:

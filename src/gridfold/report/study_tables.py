@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gridfold.editing.editor import EDITED
 from gridfold.io.study_damage import Damage
 from gridfold.io.study_store import StudyStore
 from gridfold.report.plain import as_lines
@@ -95,6 +96,9 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     }
     if settings.get("method_doubts"):
         facts["Time step"] = "; ".join(settings["method_doubts"])
+    done = [line for line in settings.get("case_notices", ()) if line.startswith(EDITED)]
+    if done:
+        facts[f"Edits ({len(done)})"] = as_lines([line.removeprefix(EDITED) for line in done])
     facts |= _evidence(settings, frame)
     if not settings["validated"]:
         facts["Not validated"] = _why_not_validated(settings)
