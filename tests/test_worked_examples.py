@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import gridfold as gf
@@ -121,6 +122,10 @@ def test_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert names["outcome"].complete
     assert len(names["frame"]) == names["outcome"].total == 6
     assert names["counts"].sum() == 6
+    shown = [value for value in names.values() if isinstance(value, pd.DataFrame)]
+    assert len(shown) == 2
+    assert all(len(frame) for frame in shown)
+    assert names["low"]["lowest_voltage"].between(0.5, 0.92).all()
 
 
 def test_notebook_is_kept_without_output():
