@@ -15,7 +15,9 @@ from typing import Any
 from rich.markup import render
 from typer.models import ArgumentInfo, OptionInfo
 
-from gridfold.cli.app import app
+from gridfold.cli.app import COMMANDS
+from gridfold.cli.exit_codes import EXIT_CODES
+from gridfold.cli.late_commands import function_of
 
 _HEAD = "| Name | Values | Default | Meaning |\n| --- | --- | --- | --- |"
 _TYPES = {int: "whole number", float: "number", str: "text", Path: "file"}
@@ -45,20 +47,16 @@ class Command:
 
 def commands() -> Iterator[Command]:
     """All commands, in the order of the help."""
-    for name, function in _functions():
+    for name, late in COMMANDS.items():
+        function = function_of(name, late.module)
         words, examples = _description(getdoc(function) or "")
+        words += [f"{old} is an older name of {new}." for old, new in late.renamed.items()]
         yield Command(name, words, examples, _panels(function))
 
 
 def page() -> str:
     """Sections of all commands in Markdown."""
     return "\n".join(_section(command) for command in commands())
-
-
-def _functions() -> Iterator[tuple[str, Callable[..., None]]]:
-    for info in app.registered_commands:
-        assert info.callback is not None
-        yield info.name or info.callback.__name__.replace("_", "-"), info.callback
 
 
 def _description(text: str) -> tuple[list[str], list[str]]:
@@ -69,8 +67,8 @@ def _description(text: str) -> tuple[list[str], list[str]]:
         inside = rest if colon and head in ("Example", "Examples") else paragraph
         if inside.strip().startswith("gridfold "):
             examples += [" ".join(line.split()) for line in inside.strip().splitlines()]
-        elif inside.strip() and not paragraph.startswith("Exit codes"):
-            words.append(" ".join(inside.split()))
+        elif (told := " ".join(inside.split())) and told != EXIT_CODES:
+            words.append(told)
     return words, examples
 
 
@@ -88,7 +86,9 @@ def _panels(function: Callable[..., None]) -> dict[str, list[tuple[str, str, str
 def _row(parameter: Parameter, kind: Any, info: Any) -> tuple[str, str, str, str]:
     names = [parameter.name.upper()]
     if isinstance(info, OptionInfo):
-        names = list(info.param_decls or ["--" + parameter.name.replace("_", "-")])
+        # Of an option in an annotation Typer takes the first name for its default.
+        given = [name for name in (info.default, *info.param_decls) if isinstance(name, str)]
+        names = given or ["--" + parameter.name.replace("_", "-")]
     if isinstance(kind, types.UnionType):
         kind = next(one for one in typing.get_args(kind) if one is not type(None))
     words = _escaped(_plain(info.help or ""))

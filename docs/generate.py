@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import command_pages
+
 import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol

@@ -54,13 +54,13 @@ def results(example):
 
 def test_the_examples_are_there():
     assert STUDIES == ["n_minus_1", "npcc_study", "own_exciter_study", "psse_study"]
-    assert FOLDERS == [
+    assert [
         *STUDIES[:2],
         "own_exciter_dyr",
         *STUDIES[2:],
         "reduce_and_decide",
         "watch_flows",
-    ]
+    ] == FOLDERS
 
 
 @pytest.mark.parametrize("name", FOLDERS)
