@@ -66,7 +66,8 @@ def families(page: str) -> list[str]:
 
 def pattern(family: str) -> re.Pattern[str]:
     """What messages of a family look like; ``...`` stands for anything."""
-    return re.compile(".*".join(re.escape(part) for part in family.split("...")), re.DOTALL)
+    parts = [re.escape(part) for part in family.split("...") if part]
+    return re.compile(".*".join(parts), re.DOTALL)
 
 
 def letters(text: str) -> int:
