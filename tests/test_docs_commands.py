@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -77,3 +78,16 @@ def test_commands_of_a_page_have_options_that_there_are(path):
     for words in commands(path.read_text(encoding="utf-8")):
         if not words[0].startswith("--") and "--help" not in words:
             parse([word for word in words if word != "&"])
+
+
+@pytest.mark.parametrize("path", [ROOT / "README.md", *PAGES], ids=lambda path: path.name)
+def test_options_named_beside_a_command_are_its_own(path):
+    """Also where a command is named in a sentence, perhaps without its arguments."""
+    text = path.read_text(encoding="utf-8")
+    for name, rest in re.findall(r"`gridfold ([a-z][a-z-]*)([^`]*)`", text):
+        known = {
+            name
+            for item in GROUP.get_command(None, name).params
+            for name in getattr(item, "opts", ())
+        }
+        assert set(re.findall(r"(?<!\S)--[a-z-]+", rest)) <= known | {"--help"}, name

@@ -34,7 +34,7 @@ def commands(text: str) -> list[tuple[str, ...]]:
     found = []
     for block in blocks(text, "bash"):
         for line in block.replace("\\\n", " ").splitlines():
-            words = _words(line)
+            words = words_of(line)
             while words:
                 end = next((k for k, word in enumerate(words) if word in ("&&", "|")), len(words))
                 if words[:1] == ["gridfold"]:
@@ -43,7 +43,7 @@ def commands(text: str) -> list[tuple[str, ...]]:
     return found
 
 
-def _words(line: str) -> list[str]:
+def words_of(line: str) -> list[str]:
     """A line as a shell splits it, with && and | as words, without its comment."""
     reader = shlex.shlex(line, posix=True, punctuation_chars=True)
     reader.whitespace_split = True
