@@ -7,6 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import gallery
 import generate
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert as latex_to_mathml
@@ -52,6 +53,7 @@ html_static_path = ["_static"]
 html_css_files = ["math.css"]
 
 generate.write_all(Path(__file__).parent)
+gallery.draw(Path(__file__).parent / "_generated" / "gallery")
 
 
 def _readable(app, what, name, obj, options, signature, returns):

@@ -16,6 +16,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import command_pages
+import gallery
+
 import gridfold
 from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
 from gridfold.dynamics.limiting import limit_symbol
@@ -210,6 +213,8 @@ def write_all(docs: Path) -> None:
     _write(folder / "tables.md", case_tables())
     _write(folder / "events.md", kind_tables(EVENTS))
     _write(folder / "relays.md", kind_tables(RELAYS))
+    _write(folder / "commands.md", command_pages.page())
+    _write(folder / "gallery.md", gallery.page("../_generated/gallery"))
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
     _write(folder / "typical.md", typical_tables())

@@ -1,14 +1,16 @@
-"""The worked examples of studies, run as they are, and the examples in the guide to studies."""
+"""The worked examples, run as their readmes say, and the examples in the guide to studies."""
 
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from pathlib import Path
+from shutil import copytree, ignore_patterns
 
 import numpy as np
+import pandas as pd
 import pytest
+from written_commands import blocks, commands, ended
 
 import gridfold as gf
 from gridfold.study.study_file import parse_study
@@ -17,36 +19,64 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 GUIDE = EXAMPLES.parent / "docs" / "howto" / "study.md"
 EDITING = GUIDE.with_name("editing.md")
 NOTEBOOKS = sorted(path.name for path in EXAMPLES.glob("*.ipynb"))
+FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/README.md"))
 STUDIES = sorted(path.parent.name for path in EXAMPLES.glob("*/study.toml"))
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """The table of an example's study, which is run once."""
+def example(tmp_path_factory):
+    """What the commands of an example's readme wrote, which are run once, in a copy of all examples."""
+    copy = tmp_path_factory.mktemp("copy") / "examples"
+    copytree(EXAMPLES, copy, ignore=ignore_patterns("*.results"))
     found = {}
 
-    def frame(name):
+    def run(name):
         if name not in found:
-            folder = tmp_path_factory.mktemp(name) / "results"
-            study = EXAMPLES / name / "study.toml"
-            outcome = gf.run_study(study, folder, trust_devices=True)
-            assert outcome.complete
-            with gf.StudyStore.read(folder) as store:
-                found[name] = store.frame().set_index("name"), store.identity["settings"]
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setenv("XDG_STATE_HOME", str(copy.parent / "state"))
+                patch.chdir(copy / name)
+                text = Path("README.md").read_text(encoding="utf-8")
+                found[name] = copy / name, [ended(arguments) for arguments in commands(text)]
         return found[name]
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def results(example):
+    """The table of an example's study."""
+
+    def frame(name):
+        folder, _ = example(name)
+        with gf.StudyStore.read(folder / "study.results") as store:
+            return store.frame().set_index("name"), store.identity["settings"]
 
     return frame
 
 
-def test_the_three_examples_are_there():
-    assert STUDIES == ["npcc_study", "own_exciter_study", "psse_study"]
+def test_the_examples_are_there():
+    assert STUDIES == ["n_minus_1", "npcc_study", "own_exciter_study", "psse_study"]
+    assert [
+        *STUDIES[:2],
+        "own_exciter_dyr",
+        *STUDIES[2:],
+        "reduce_and_decide",
+        "watch_flows",
+    ] == FOLDERS
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_commands_of_a_readme_run_as_printed(name, example):
+    folder, runs = example(name)
+    assert (folder / "README.md").read_text(encoding="utf-8").startswith("# ")
+    assert runs
+    assert [run.code for run in runs] == [0] * len(runs), "\n".join(run.err for run in runs)
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_every_example_says_what_it_is(name):
-    readme = (EXAMPLES / name / "README.md").read_text(encoding="utf-8")
-    assert readme.startswith("# ")
-    assert "gridfold run study.toml" in readme
+def test_the_readme_of_a_study_runs_it(name, example):
+    _, runs = example(name)
+    assert ("run", "study.toml") in [run.arguments[:2] for run in runs]
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -99,6 +129,64 @@ def test_psse_study_has_faults_at_buses_on_lines_and_one_of_its_own(results):
     }
 
 
+def test_flows_and_voltages_of_a_psse_case_are_those_of_the_textbook(example):
+    """Anderson and Fouad, Power System Control and Stability, figures 2.18 and 2.19 and example 2.6."""
+    folder, _ = example("watch_flows")
+    table = pd.read_csv(folder / "run.csv", index_col="time")
+    before = table.iloc[0]
+    published = {7: 1.026, 8: 1.016, 9: 1.032, 4: 1.026, 5: 0.996, 6: 1.013}
+    for bus, voltage in published.items():
+        assert before[f"voltage_pu:{bus}"] == pytest.approx(voltage, abs=6e-4)
+    for line, power in {"7-8": 76.4, "7-5": 86.6, "9-6": 60.8}.items():
+        assert before[f"p_mw:{line}"] == pytest.approx(power, abs=0.06)
+    assert before["interface_mw:EXPORT"] == pytest.approx(86.6 + 60.8, abs=0.1)
+    model = gf.build_model(gf.load_case(folder / "nine_buses.raw", folder / "nine_buses.dyr"))
+    angles = np.rad2deg(
+        model.x0[[model.state_names.index(f"rotor_angle:{k}:1") for k in (1, 2, 3)]]
+    )
+    np.testing.assert_allclose(angles, [2.2717, 19.7315, 13.1752], atol=0.02)
+
+
+def test_the_watched_case_loses_the_flow_of_the_line_and_stays_stable(example):
+    folder, _ = example("watch_flows")
+    table = pd.read_csv(folder / "run.csv", index_col="time")
+    assert table.index[-1] == 3.0
+    assert (table["p_mw:7-5"].loc[0.6:] == 0).all()
+    assert table["voltage_pu:7"].loc[0.5] == 0
+    assert all((folder / name).stat().st_size > 20_000 for name in ("run.png", "towns.png"))
+
+
+def test_python_beside_it_gives_the_same_curves(example):
+    folder, _ = example("watch_flows")
+    names: dict = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        (python,) = blocks((folder / "README.md").read_text(encoding="utf-8"), "python")
+        exec(python, names)
+    table = pd.read_csv(folder / "run.csv", index_col="time")
+    assert list(names["frame"].columns) == ["time", *table.columns]
+    np.testing.assert_allclose(names["frame"].set_index("time"), table, atol=0.02)
+
+
+def test_n_minus_1_of_an_area_trips_its_lines_ties_and_machines(results, example):
+    frame, _ = results("n_minus_1")
+    assert frame["kind"].value_counts().to_dict() == {"line fault": 14, "machine trip": 2}
+    assert sum(name.startswith("line 15-25") for name in frame.index) == 4
+    folder = example("n_minus_1")[0] / "study.results"
+    with gf.StudyStore.read(folder) as store:
+        assert "interface_mw:EXPORT" in store.curves(1)["watched_names"]
+    assert "EXPORT" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_reduced_model_is_made_once_measured_and_decided_upon(example):
+    folder, (_, reduced, compared, _) = example("reduce_and_decide")
+    assert "Microseconds a step" in reduced.out
+    assert "Rotor-angle errors against the detailed run" in compared.out
+    record = json.loads((folder / "decided.json").read_text(encoding="utf-8"))
+    assert record["error_estimate_deg"] <= record["tolerance_deg"] == 0.5
+    assert record["attempts"]
+
+
 def test_exciter_of_a_file_outside_the_package_is_part_of_the_model(results):
     frame, settings = results("own_exciter_study")
     assert settings["states"] == 2 * (4 + 3)
@@ -123,6 +211,10 @@ def test_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert names["outcome"].complete
     assert len(names["frame"]) == names["outcome"].total == 6
     assert names["counts"].sum() == 6
+    shown = [value for value in names.values() if isinstance(value, pd.DataFrame)]
+    assert len(shown) == 2
+    assert all(len(frame) for frame in shown)
+    assert names["low"]["lowest_voltage"].between(0.5, 0.92).all()
 
 
 def test_ten_edited_cases_of_the_notebook_run_and_a_heavier_area_swings_more(capsys):
@@ -184,7 +276,7 @@ def _only_block(language):
 
 
 def _blocks(language, page):
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return blocks(page.read_text(encoding="utf-8"), language)
 
 
 def _code_cells(name):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -68,13 +68,16 @@ def late_group(commands: Mapping[str, Late]) -> type[TyperGroup]:
     return LateGroup
 
 
-def _load(name: str, module: str) -> Any:
-    """The command, with the fields of its groups of options as options."""
+def function_of(name: str, module: str) -> Callable[..., None]:
+    """The function of a command, with the fields of its groups of options as parameters."""
     from gridfold.cli.option_groups import flat
 
+    return flat(getattr(import_module(f"gridfold.cli.{module}"), name.replace("-", "_")))
+
+
+def _load(name: str, module: str) -> Any:
     single = typer.Typer(rich_markup_mode="rich", add_completion=False)
-    function = getattr(import_module(f"gridfold.cli.{module}"), name.replace("-", "_"))
-    single.command(name)(flat(function))
+    single.command(name)(function_of(name, module))
     return typer.main.get_command(single)
 
 

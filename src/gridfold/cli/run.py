@@ -76,6 +76,7 @@ Examples:
   gridfold simulate npcc --events events.toml --t-end 20 --method abm4 --json -
 
   gridfold simulate npcc --event "load-shed areas=1 share=0.1 time=1" --relays relays.toml
+
   gridfold simulate npcc --fault-bus 3 --monitor "flow 3-2, voltage area:1" --csv out.csv
 
   gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
@@ -242,7 +243,10 @@ def demo(
         "gridfold-demo"
     ),
 ) -> None:
-    """Simulate a three-phase fault at bus 3 of the built-in NPCC system, print and draw it."""
+    """Simulate a three-phase fault at bus 3 of the built-in NPCC system, print and draw it.
+
+    Example: gridfold demo --out first
+    """
     began = time.perf_counter()
     model = build_model(read_case("npcc"))
     out.print(facts_table(case_facts(model.case) | model_facts(model, model.residual)))

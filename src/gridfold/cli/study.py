@@ -76,7 +76,10 @@ def init(
     ] = False,
     devices: DevicesOption = None,
 ) -> None:
-    """Write a study file with a comment on every key."""
+    """Write a study file with a comment on every key.
+
+    Example: gridfold init winter.toml
+    """
     if schema:
         sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
         return

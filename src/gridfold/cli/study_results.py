@@ -31,6 +31,8 @@ _CHECK_HELP = """Read all of a study's results and say which are whole.
 With --repair the folder gets a new file with those that are, the damaged one stays beside it, and
 gridfold run --resume does the others anew.
 
+Example: gridfold check study.results --repair
+
 Exit codes: 0 all is whole, or repaired; 1 something is damaged; 2 nothing can be read.
 """
 
@@ -99,7 +101,10 @@ def report(
         Path | None, typer.Option("--out", help="The page.", show_default="FOLDER/report.html")
     ] = None,
 ) -> None:
-    """Write the report of a study: one page that needs no network."""
+    """Write the report of a study: one page that needs no network.
+
+    Example: gridfold report study.results --out monday.html
+    """
     target = folder / "report.html" if file is None else file
     with StudyStore.read(folder) as store:
         write_report(store, target)
