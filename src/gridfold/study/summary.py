@@ -9,22 +9,19 @@ from itertools import repeat
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.ringdown import ringdown
+from gridfold.runs.dominant_swing import dominant_swing
 from gridfold.runs.extremes import Extreme
 from gridfold.runs.island_figures import FrequencyRange
-from gridfold.runs.summary import last_event, summarize
+from gridfold.runs.summary import summarize
 from gridfold.runs.synchronism import angle_frame
-from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 #: Columns that tell times of the machine; all others are the same whatever ran the study.
 WALL = "wall_"
-#: Swings smaller than this (degrees) have no damping to speak of.
-_SMALL_SWING_DEG = 0.05
 _DARK = "no machine is left; everything is de-energized"
 
 
@@ -246,11 +243,7 @@ def _voltage(name: str, found: Extreme | None) -> dict[str, Any]:
 
 def _damping(run: Trajectory, unit: UnitKey) -> dict[str, float | None]:
     """Damping of the swing of `unit` after the last event."""
-    angle = run.rotor_angle_deg([unit], AngleReference.CENTRE_OF_INERTIA)[:, 0]
-    swing: NDArray[np.float64] = angle[run.times >= last_event(run)]
-    if len(swing) < 2 or np.isnan(swing).any() or np.ptp(swing) < _SMALL_SWING_DEG:
-        return {}
-    found = ringdown(swing, run.stepper.step)
+    found = dominant_swing(run, unit)
     if found is None:
         return {}
     return {"swing_hz": found.frequency_hz, "damping_ratio": found.damping_ratio}
