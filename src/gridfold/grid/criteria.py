@@ -173,7 +173,7 @@ def _level(level: float, of_initial: bool) -> str:
 
 
 def _at(selection: str) -> str:
-    return f" at {selection}" if selection else ""
+    return f" ({selection})" if selection else ""
 
 
 _PRESETS: tuple[Criterion, ...] = (

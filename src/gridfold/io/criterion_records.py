@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from gridfold.errors import GridfoldError, OptionError
 from gridfold.grid.criteria import CRITERIA, PRESETS, Criterion
@@ -50,6 +50,33 @@ def criteria_of(records: Sequence[Mapping[str, Any]], where: str = "") -> tuple[
     return tuple(criteria)
 
 
+def parse_criterion(text: str) -> Criterion:
+    """Build a criterion from the name of a preset, or from ``kind name=value ...``.
+
+    For example ``damping at least 3 %``, or ``voltage-recovery level=0.9 within=1``.
+
+    Raises
+    ------
+    OptionError
+        The text makes no sense.
+    """
+    where = f"criterion {text!r}"
+    if text in PRESETS:
+        return PRESETS[text]
+    kind, *words = text.split() or [""]
+    if kind not in CRITERIA and not any("=" in word for word in words):
+        raise OptionError(
+            f"{where}: no such preset or kind; {suggest(text, [*PRESETS, *CRITERIA])}"
+        )
+    record: dict[str, Any] = {"kind": kind}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not (sign and name and value) or name in record:
+            raise OptionError(f"{where}: {word!r} is not of the form name=value, each name once")
+        record[name] = value
+    return criterion_from_record(record, where)
+
+
 def load_criteria(path: str | Path) -> tuple[Criterion, ...]:
     """Criteria from a TOML file of ``[[criteria]]`` tables, each with its ``kind`` or ``preset``.
 
@@ -59,6 +86,20 @@ def load_criteria(path: str | Path) -> tuple[Criterion, ...]:
         The file cannot be read, or a table is wrong: all that are.
     """
     return criteria_of(read_tables(path, "criteria"), f"{path}: ")
+
+
+def criterion_schema() -> dict[str, Any]:
+    """JSON Schema of a table of a criterion: the fields of all kinds."""
+    types = {float: "number", bool: "boolean", str: "string"}
+    properties: dict[str, Any] = {
+        "kind": {"enum": list(CRITERIA)},
+        "preset": {"enum": list(PRESETS)},
+    }
+    for kind in CRITERIA.values():
+        for name, hint in get_type_hints(kind).items():
+            plain = next(t for t in (*get_args(hint), hint) if t in types)
+            properties[name] = {"type": types[plain]}
+    return {"type": "object", "properties": properties, "additionalProperties": False}
 
 
 def _with_preset(record: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,15 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from gridfold.cards import Card
@@ -31,6 +39,7 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.errors import CaseFileError, OptionError, OutputError
 from gridfold.grid.selection_text import Word, parse_selection
+from gridfold.io.criterion_records import criterion_from_record, criterion_schema
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.loading import Solve
@@ -80,6 +89,21 @@ class SideBySide(Enum):
 
     AUTO = "auto"
     OFF = "off"
+
+
+def _criterion(record: dict[str, Any]) -> dict[str, Any]:
+    """Checks a table of a criterion."""
+    try:
+        criterion_from_record(record, "criterion")
+    except OptionError as error:
+        raise ValueError(str(error).removeprefix("criterion: ")) from None
+    return record
+
+
+#: A criterion: ``{ kind = "damping", percent = 3 }`` or ``{ preset = "damping at least 3 %" }``.
+CriterionTable = Annotated[
+    dict[str, Any], AfterValidator(_criterion), WithJsonSchema(criterion_schema())
+]
 
 
 class Kept(Enum):
@@ -357,6 +381,9 @@ class Study(Card, _Section):
     )
     relays: tuple[dict[str, Any], ...] = Field(
         default=(), description="Relays that watch every run, as in a file of relays."
+    )
+    criteria: tuple[CriterionTable, ...] = Field(
+        default=(), description="What a run has to fulfil, by kind or preset."
     )
     model: Model = Model()
     run: Run = Run()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from gridfold.grid.criterion_checks import check_criteria, judged_buses, judged_
 from gridfold.runs.criteria.angle import AngleWatch
 from gridfold.runs.criteria.course import APPROXIMATE, Course, course_of, outside
 from gridfold.runs.criteria.damping import damping_finding
-from gridfold.runs.criteria.finding import Finding
+from gridfold.runs.criteria.finding import Finding, Verdict
 from gridfold.runs.criteria.frequency import FrequencyWatch
 from gridfold.runs.criteria.voltage import VoltageWatch
 from gridfold.runs.parts import Part
@@ -69,9 +70,14 @@ def judge(
             _take_voltages(part, voltages)
     needed = any(isinstance(criterion, LeastDamping) for criterion in criteria)
     summary = summarize(run) if needed else None
-    return tuple(
+    found = [
         _finding(watch, criterion, run, summary, course)
         for watch, criterion in zip(watches, criteria, strict=True)
+    ]
+    # What is open has no margin: the rest of the run could have used it up.
+    return tuple(
+        replace(item, margin=None, share=None) if item.verdict is Verdict.OPEN else item
+        for item in found
     )
 
 

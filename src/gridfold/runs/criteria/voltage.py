@@ -92,7 +92,7 @@ class VoltageWatch:
             f"voltage_pu:{self.buses[k]}",
             at,
             time,
-            f"lowest voltage {value:.3f} p.u. at {at}, {time:g} s" + self._more(shares < 0),
+            f"lowest voltage {value:.3f} p.u. at {at} at {time:g} s" + self._more(shares < 0),
         )
         return self.course.answer(found)
 
