@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -14,6 +15,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _STYLES = {Verdict.KEPT: "", Verdict.VIOLATED: "bold red", Verdict.OPEN: "yellow"}
+#: Errors that checks know, by the unit of what a criterion is about, and the factor to that unit.
+_CHECKED_ERRORS = {
+    "p.u.": ("error_lowest_voltage", 1.0),
+    "Hz": ("error_nadir_hz", 1.0),
+    "%": ("error_damping_ratio", 100.0),
+}
 #: Criteria that a line names.
 _NAMED = 3
 
@@ -54,9 +61,37 @@ def criteria_facts(frame: pd.DataFrame) -> dict[str, str]:
         some = int((frame[column].fillna("") != "").sum())
         if some:
             facts[f"Criteria {words.partition(',')[0]}"] = f"in {some}{_listed(frame, column)}"
+    if near := close_by_checks(frame):
+        facts["Criteria within the errors of checked runs"] = f"in {len(near)} contingencies"
     if other := list(other_criteria(frame)):
         facts["Other criteria in detail"] = "; ".join(other)
     return facts
+
+
+def close_by_checks(frame: pd.DataFrame) -> dict[int, str]:
+    """Criteria whose verdict could turn by the largest error of the runs that were checked.
+
+    By number of the contingency, those that have such criteria. Contingencies that were checked
+    themselves are left out: of these the verdict of the detailed run is known.
+    """
+    largest = {
+        unit: factor * float(errors.abs().max())
+        for unit, (column, factor) in _CHECKED_ERRORS.items()
+        if len(errors := frame[column].dropna())
+    }
+    close: dict[int, str] = {}
+    if not largest:
+        return close
+    rows = frame[frame["criteria"].notna() & frame["checked"].isna()]
+    for row in rows.to_dict("records"):
+        names = [
+            item["name"]
+            for item in json.loads(row["criteria"])
+            if item["margin"] is not None and abs(item["margin"]) < largest.get(item["unit"], 0.0)
+        ]
+        if names:
+            close[int(row["number"])] = BETWEEN.join(names)
+    return close
 
 
 def other_criteria(frame: pd.DataFrame) -> Iterator[str]:

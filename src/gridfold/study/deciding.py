@@ -79,7 +79,7 @@ def _curves_of(run: Trajectory, finding: Finding) -> dict[str, NDArray[np.float6
         return {finding.signal: np.abs(run.bus_voltage([int(place)])[:, 0])}
     if kind == "frequency_hz":
         low, high = _frequencies(run)
-        return {"frequency_hz:lowest": low, "frequency_hz:highest": high}
+        return {"island_hz:lowest": low, "island_hz:highest": high}
     return {}
 
 
@@ -88,7 +88,7 @@ def _limits_of(run: Trajectory, finding: Finding) -> list[tuple[str, float]]:
     criterion = finding.criterion
     if isinstance(criterion, FrequencyBand):
         ends = (criterion.lowest_hz, criterion.highest_hz)
-        return [("frequency_hz", float(end)) for end in ends if end is not None]
+        return [("island_hz", float(end)) for end in ends if end is not None]
     if isinstance(criterion, VoltageDip | VoltageRecovery) and finding.signal:
         level = criterion.level
         if criterion.of_initial:

@@ -28,6 +28,7 @@ def judged_figures(findings: Sequence[Finding], error_deg: float | None = None) 
     shares = [item.share for item in findings if item.share is not None]
     error = 2 * (error_deg or 0.0)
     return {
+        "violations": sum(item.verdict is Verdict.VIOLATED for item in findings),
         "violated": names_of(findings, Verdict.VIOLATED),
         "not_judged": names_of(findings, Verdict.OPEN),
         "close": _joined(f for f in findings if f.unit == "deg" and f.within(error)),

@@ -66,6 +66,8 @@ class Figures:
     critical_clearing_time, margin : float
         In seconds; the margin is what it exceeds the fault's duration by. A clearing time beyond the
         longest tried is given as that, with `clearing_time_bounded` false.
+    violations : int
+        How many of the study's criteria the run violates; missing without criteria.
     violated, not_judged : str
         Names of the study's criteria that the run violates, and of those that it leaves open because it
         ended too early; by semicolons, empty if there are none, missing without criteria.
@@ -127,6 +129,7 @@ class Figures:
     critical_clearing_time: float | None = None
     clearing_time_bounded: bool | None = None
     margin: float | None = None
+    violations: int | None = None
     violated: str | None = None
     not_judged: str | None = None
     close: str | None = None
