@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from importlib import resources
@@ -505,21 +506,28 @@ class _Lines:
 
     def __init__(self, text: str):
         self._where: dict[tuple[str, ...], int] = {}
+        counts: Counter[tuple[str, ...]] = Counter()
         table: tuple[str, ...] = ()
         for number, line in enumerate(text.splitlines(), start=1):
             text = line.strip()
             if text.startswith("["):
                 table = tuple(map(_bare, text.lstrip("[").partition("]")[0].split(".")))
                 self._where.setdefault(table, number)
+                if text.startswith("[["):
+                    table, name = (*table, str(counts[table])), table
+                    counts[name] += 1
+                    self._where[table] = number
             elif "=" in text:
                 self._where.setdefault((*table, _bare(text.partition("=")[0])), number)
 
     def find(self, location: Sequence[int | str]) -> int | None:
         """Line of a key, or of the innermost table around it that the file has."""
+        every = tuple(map(str, location))
         names = tuple(part for part in location if isinstance(part, str))
-        for length in range(len(names), 0, -1):
-            if names[:length] in self._where:
-                return self._where[names[:length]]
+        for length in range(len(every), 0, -1):
+            for known in (every[:length], names[:length]):
+                if known in self._where:
+                    return self._where[known]
         return None
 
 
