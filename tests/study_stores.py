@@ -258,7 +258,7 @@ def judged_study(folder: Path) -> StudyStore:
 
 
 def large_study(folder: Path, count: int) -> StudyStore:
-    """Many contingencies with long names, each with criteria and curves."""
+    """Many contingencies with long names, each with criteria; none has curves."""
     identity = {"gridfold": "0.1.0", "case": "other", "fingerprint": "f" * 64}
     identity |= {"study": Study(name="large").content(), "settings": SETTINGS, "map": grid()}
     listed = [fault(number) for number in range(1, count + 1)]
@@ -269,7 +269,7 @@ def large_study(folder: Path, count: int) -> StudyStore:
     for number in range(1, count + 1):
         row = stable(number, 40.0 + number / 100)
         found = findings(0.65 if number % 7 == 0 else 0.9, 2.0 if number % 11 == 0 else 5.0)
-        rows.append(Result(number, row.figures | judged_figures(found), row.curves))
+        rows.append(Result(number, row.figures | judged_figures(found)))
     store.add(rows)
     finish(store)
     return store

@@ -118,13 +118,14 @@ def packed(values: NDArray[Any], finest: float = _FINEST_DEG) -> Record:
 def _counts(frame: pd.DataFrame, total: int) -> Record:
     stable = int(frame["stable"].fillna(False).sum())
     failed = int(frame["stable"].isna().sum())
+    count = violating(frame)
     return {
         "total": total,
         "stable": stable,
         "unstable": len(frame) - stable - failed,
         "failed": failed,
         "waiting": total - len(frame),
-        "violating": violating(frame),
+        **({} if count is None else {"violating": count}),
     }
 
 

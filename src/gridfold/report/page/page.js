@@ -218,10 +218,15 @@ function widths() {
     group.append(made);
   }
   at("table").prepend(group);
-  const name = columns.find(column => column.field === "name");
-  const lines = longest(name) / 20;
-  at("table").style.setProperty("--lines", Math.min(3, Math.max(1, Math.ceil(lines))));
   at("table").style.minWidth = `calc(${taken}ch + 7rem)`;
+}
+// Lines of every row: those that the longest name takes, up to three.
+const LETTER = 7;
+function rowLines() {
+  const name = columns.find(column => column.field === "name");
+  const room = at("heads").querySelector("[data-field=name]").clientWidth - 8;
+  const needed = Math.ceil(LETTER * longest(name) / Math.max(room, 1));
+  at("table").style.setProperty("--lines", Math.min(3, Math.max(1, needed)));
 }
 function heads() {
   for (const column of columns) {
@@ -298,6 +303,8 @@ function drawRows(anew = false) {
   shown.last = last;
   const made = shown.found.slice(first, last).map((row, k) => tableRow(row, first + k));
   at("body").replaceChildren(...spacer(first * height), ...made, ...spacer((count - last) * height));
+  // The height is known for sure only once a row is there.
+  if (made.length && Math.abs(rowHeight() - height) > 0.01) drawRows(true);
   markRow();
 }
 function spacer(height) {
@@ -941,6 +948,7 @@ function start() {
   header();
   widths();
   heads();
+  rowLines();
   chips();
   fill();
   mapCaption();
@@ -949,7 +957,7 @@ function start() {
   spreads();
   at("filter").addEventListener("input", event => { shown.text = event.target.value; fill(); });
   at("scroll").addEventListener("scroll", () => drawRows(), {passive: true});
-  window.addEventListener("resize", () => drawRows(true));
+  window.addEventListener("resize", () => { rowLines(); drawRows(true); });
   at("table").addEventListener("keydown", arrows);
   document.querySelector(".skip").addEventListener("click", event => {
     event.preventDefault();
