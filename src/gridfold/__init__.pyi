@@ -48,13 +48,6 @@ from gridfold.grid.case import (
     Shunt,
     UnitKey,
 )
-from gridfold.grid.criteria import (
-    AngleSeparation,
-    FrequencyBand,
-    LeastDamping,
-    VoltageDip,
-    VoltageRecovery,
-)
 from gridfold.grid.events import (
     BranchFault,
     BranchOpenEnd,
@@ -81,7 +74,6 @@ from gridfold.grid.relays import (
 )
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases
-from gridfold.io.criterion_records import load_criteria
 from gridfold.io.event_records import load_events, load_relays
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.steppers import (
@@ -105,7 +97,6 @@ from gridfold.runs.clearing_time import (
     critical_clearing_time,
     critical_clearing_times,
 )
-from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.loading import load_case, load_psse
 from gridfold.runs.method import choose_stepper
 from gridfold.runs.own_devices import load_devices

@@ -144,3 +144,27 @@ def test_the_schema_knows_the_fields_of_criteria():
     item = json_schema()["properties"]["criteria"]["items"]
     assert "within" in item["properties"]
     assert not item["additionalProperties"]
+
+
+def test_runs_side_by_side_are_judged_as_one_by_one(tmp_path):
+    """Voltages need every state: runs that advance together keep them where criteria ask."""
+    folders = {}
+    for batch in ("auto", "off"):
+        study = STUDY | {
+            "contingencies": {"bus_faults": "1-6", "clearing_time": 0.05},
+            "contingency": [],
+            "run": {"t_end": 1.0, "batch": batch},
+        }
+        folders[batch] = tmp_path / batch
+        gf.run_study(parse_study(study), folders[batch], count=1)
+    found = {}
+    for batch, folder in folders.items():
+        with StudyStore.read(folder) as store:
+            found[batch] = store.frame()
+    columns = ["violated", "not_judged", "violations"]
+    assert found["auto"][columns].equals(found["off"][columns])
+    np.testing.assert_allclose(
+        found["auto"]["least_margin"].astype(float),
+        found["off"]["least_margin"].astype(float),
+        atol=1e-9,
+    )

@@ -18,6 +18,7 @@ from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError
 from gridfold.grid.case import UnitKey
+from gridfold.grid.criteria import VoltageDip, VoltageRecovery
 from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
@@ -91,7 +92,6 @@ def why_one_by_one(prepared: Prepared) -> str | None:
 
 def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    wanted = prepared.study.outputs
     runs = simulate_batch(
         prepared.model,
         [task.contingency.events for task in batch],
@@ -99,13 +99,20 @@ def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solve
         prepared.method.stepper,
         prepared.criterion,
         dict(prepared.intact),
-        every_state=wanted.trajectories is not Kept.NONE,
+        every_state=_looks_at_every_state(prepared),
     )
     for number, run in runs:
         if isinstance(run, Trajectory):
             area = None if prepared.parts is None else prepared.parts.study_buses
             within = replace(run, study_buses=area)
             yield number, _Solver(prepared, batch[number]).detailed(within)
+
+
+def _looks_at_every_state(prepared: Prepared) -> bool:
+    """Whether more is wanted of a run than its rotor angles and speeds: voltages follow from all."""
+    wanted = prepared.study.outputs
+    judged = any(isinstance(item, VoltageDip | VoltageRecovery) for item in prepared.criteria)
+    return judged or wanted.trajectories is not Kept.NONE or wanted.monitor is not None
 
 
 @one_blas_thread
