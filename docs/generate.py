@@ -29,6 +29,7 @@ from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import COLUMN_NORM
 from gridfold.equivalents.model_kind import ANGLES_DEG, TOLERANCE, WHOLE_DEG
 from gridfold.grid.case import Branch, Bus, Generator, Load, Shunt
+from gridfold.grid.criteria import CRITERIA, PRESETS
 from gridfold.grid.events import EVENTS
 from gridfold.grid.plausible import NETWORK_ROWS
 from gridfold.grid.relays import RELAYS
@@ -157,6 +158,21 @@ _EVENT_FIELDS = {
     "reach": "By how much the blinders stand out beyond the ends, in parts of the branch",
 }
 
+_CRITERION_FIELDS = {
+    "limit_deg": "Largest difference of two rotor angles of one island, in degrees",
+    "machines": "Machines that count, such as `area:1` or `3:1,5`; all by default",
+    "level": "Voltage in p.u., or a part of that at the start",
+    "VoltageDip.longest": "Longest time below the level at a stretch, in s; 0: never below",
+    "within": "Time after the fault from which on the voltage is not below the level, in s",
+    "buses": "Buses that count, such as `kv>=100`; by default the study area, or all without one",
+    "of_initial": "Whether the level is a part of the voltage at the start",
+    "lowest_hz": "Lower end of the band, in Hz",
+    "highest_hz": "Upper end of the band, in Hz",
+    "FrequencyBand.longest": "Longest time outside at a stretch, in s; 0: never outside",
+    "percent": "Least damping ratio, in %",
+    "name": "What it is called in columns and reports; by default what it asks",
+}
+
 #: Defaults that depend on other keys.
 _STUDY_DEFAULTS = {
     "case.raw_revision": "that of the header",
@@ -215,6 +231,8 @@ def write_all(docs: Path) -> None:
     _write(folder / "relays.md", kind_tables(RELAYS))
     _write(folder / "commands.md", command_pages.page())
     _write(folder / "gallery.md", gallery.page("../_generated/gallery"))
+    _write(folder / "criteria.md", kind_tables(CRITERIA, _CRITERION_FIELDS))
+    _write(folder / "criterion-presets.md", "".join(f"- `{name}`\n" for name in PRESETS))
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
     _write(folder / "typical.md", typical_tables())
@@ -243,11 +261,11 @@ def case_tables() -> str:
     return "\n".join(parts)
 
 
-def kind_tables(kinds: Mapping[str, type]) -> str:
-    """Fields of every kind of event, or of relay."""
+def kind_tables(kinds: Mapping[str, type], meanings: dict[str, str] = _EVENT_FIELDS) -> str:
+    """Fields of every kind of event, of relay, or of criterion."""
     parts = []
     for kind, event_type in kinds.items():
-        rows = list(_field_rows(event_type, _EVENT_FIELDS))
+        rows = list(_field_rows(event_type, meanings))
         table = _table(("Field", "Type", "Default", "Meaning"), rows)
         text = (event_type.__doc__ or "").split("\n\n")[0].replace("``", "`")
         parts.append(f"### `{kind}`: `gridfold.{event_type.__name__}`\n\n{text}\n\n{table}")

@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from gridfold.grid.criteria import Criterion, LeastDamping, VoltageDip, VoltageRecovery
 from gridfold.io.study_store import Result, StudyStore
+from gridfold.runs.criteria import Finding, Verdict
+from gridfold.study.judged import judged_figures
 from gridfold.study.study_file import Study
 from gridfold.study.summary import Figures, column_types
 
@@ -181,5 +184,92 @@ def small_study(folder: Path) -> StudyStore:
             stable(5, 50.0, critical_clearing_time=0.2, clearing_time_bounded=False),
         ]
     )
+    finish(store)
+    return store
+
+
+#: Criteria of :func:`judged_study`.
+ASKED: tuple[Criterion, ...] = (
+    VoltageRecovery(0.9, 1.0),
+    LeastDamping(3.0),
+    VoltageDip(0.7, name=WICKED),
+)
+
+
+def findings(voltage: float, damping: float | None) -> tuple[Finding, ...]:
+    """What the criteria say of a run with a lowest voltage (p.u.), and a damping in %."""
+    back, least, dip = ASKED
+    share = (voltage - 0.7) / 0.7
+    verdict = Verdict.VIOLATED if voltage < 0.7 else Verdict.KEPT
+    took = "s", "voltage_pu:5", "bus 5", 0.42, "bus 5 is back after 0.32 s"
+    low = "p.u.", "voltage_pu:5", "bus 5", 0.1, f"lowest voltage {voltage:g} p.u. at bus 5"
+    damped = Finding(least, Verdict.OPEN, told="the run ended at 0.5 s: lost synchronism")
+    if damping is not None:
+        seen = Verdict.VIOLATED if damping < 3 else Verdict.KEPT
+        margin = damping - 3
+        damped = Finding(
+            least, seen, damping, 3.0, margin, margin / 3, "%", told="machine 1:1 swings"
+        )
+    return (
+        Finding(back, Verdict.KEPT, 0.32, 1.0, 0.68, 0.68, *took),
+        damped,
+        Finding(dip, verdict, voltage, 0.7, voltage - 0.7, share, *low, notes=("a note",)),
+    )
+
+
+def decided() -> dict[str, Any]:
+    """A machine outside the study area that was lost, and the voltage of a bus."""
+    times = np.linspace(0, 2, 41).astype(np.float32)
+    angles = np.stack([30 * np.sin(4 * times), 10 * times, 90 * times + 5], axis=1)
+    return {
+        "run_angles": angles.astype(np.float32),
+        "units": np.array(["1:1", "2:1", "9:1"]),
+        "units_outside": np.array(["9:1"]),
+        "decided_names": np.array(["voltage_pu:5", "speed_pu:9:1"]),
+        "decided_values": np.stack([0.6 + 0.2 * times, 1 + 0.05 * times]).astype(np.float32),
+        "decided_times": times,
+        "limit_names": np.array(["voltage_pu", "speed_pu"]),
+        "limit_values": np.array([0.9, 1.12]),
+    }
+
+
+def judged_study(folder: Path) -> StudyStore:
+    """A study with criteria: the machine that decided no. 2 lies outside the study area."""
+    store = new_store(folder, 4)
+    lost = unstable(2, 200.0)
+    figures = lost.figures | {"critical_machine": "9:1", "largest_angle_deg": 185.0}
+    figures |= {"reason": "lost synchronism: rotor_angle:9:1 at 0.5 s"}
+    kept, still = findings(0.9, 5.0), findings(0.65, 2.9)
+    first, third = stable(1, 60.0, checked=True), stable(3, 40.0)
+    checked = {"checked_violated": str(ASKED[1]), "error_damping_ratio": 0.002}
+    store.add(
+        [
+            first._replace(figures=first.figures | judged_figures(kept) | checked),
+            lost._replace(
+                figures=figures | judged_figures(findings(0.5, None)),
+                curves={**lost.curves, **decided()},
+            ),
+            third._replace(figures=third.figures | judged_figures(still, error_deg=1.0)),
+            failed(4),
+        ]
+    )
+    finish(store)
+    return store
+
+
+def large_study(folder: Path, count: int) -> StudyStore:
+    """Many contingencies with long names, each with criteria; none has curves."""
+    identity = {"gridfold": "0.1.0", "case": "other", "fingerprint": "f" * 64}
+    identity |= {"study": Study(name="large").content(), "settings": SETTINGS, "map": grid()}
+    listed = [fault(number) for number in range(1, count + 1)]
+    for item in listed:
+        item["name"] = f"line {1000 + item['number']}-{2000 + item['number']}:1 at the far end"
+    store = StudyStore.create(folder, identity | {"study_hash": "0" * 64}, listed, column_types())
+    rows = []
+    for number in range(1, count + 1):
+        row = stable(number, 40.0 + number / 100)
+        found = findings(0.65 if number % 7 == 0 else 0.9, 2.0 if number % 11 == 0 else 5.0)
+        rows.append(Result(number, row.figures | judged_figures(found)))
+    store.add(rows)
     finish(store)
     return store

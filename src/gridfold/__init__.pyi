@@ -48,6 +48,13 @@ from gridfold.grid.case import (
     Shunt,
     UnitKey,
 )
+from gridfold.grid.criteria import (
+    AngleSeparation,
+    FrequencyBand,
+    LeastDamping,
+    VoltageDip,
+    VoltageRecovery,
+)
 from gridfold.grid.events import (
     BranchFault,
     BranchOpenEnd,
@@ -74,6 +81,7 @@ from gridfold.grid.relays import (
 )
 from gridfold.grid.validation import validate_case
 from gridfold.io.case_folder import built_in_cases
+from gridfold.io.criterion_records import load_criteria
 from gridfold.io.event_records import load_events, load_relays
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.steppers import (
@@ -97,6 +105,7 @@ from gridfold.runs.clearing_time import (
     critical_clearing_time,
     critical_clearing_times,
 )
+from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.loading import load_case, load_psse
 from gridfold.runs.method import choose_stepper
 from gridfold.runs.own_devices import load_devices
@@ -111,6 +120,7 @@ from gridfold.version import __version__
 __all__ = [
     "AdamsBashforthMoulton4",
     "AngleReference",
+    "AngleSeparation",
     "BalancedTruncation",
     "BoundaryCoupling",
     "Branch",
@@ -134,6 +144,8 @@ __all__ = [
     "ErrorEstimate",
     "ErrorEstimator",
     "EventError",
+    "Finding",
+    "FrequencyBand",
     "Generator",
     "GeneratorFrequencyTrip",
     "GeneratorVoltageTrip",
@@ -142,6 +154,7 @@ __all__ = [
     "ImplicitTrapezoidal",
     "InitializationError",
     "Ladder",
+    "LeastDamping",
     "Load",
     "LoadModel",
     "LoadShed",
@@ -184,6 +197,9 @@ __all__ = [
     "UnderVoltageShedding",
     "UnitKey",
     "Unreduced",
+    "Verdict",
+    "VoltageDip",
+    "VoltageRecovery",
     "WarmUp",
     "Weights",
     "Workers",
@@ -198,7 +214,9 @@ __all__ = [
     "critical_clearing_times",
     "error_budget",
     "fold",
+    "judge",
     "load_case",
+    "load_criteria",
     "load_devices",
     "load_edits",
     "load_events",

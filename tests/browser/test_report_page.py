@@ -13,7 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from study_stores import REPLACED, WICKED, failed, finish, new_store, small_study
+from study_stores import (
+    REPLACED,
+    WICKED,
+    failed,
+    finish,
+    judged_study,
+    large_study,
+    new_store,
+    small_study,
+)
 
 from gridfold.report.study_report import write_report
 
@@ -30,6 +39,8 @@ FLAGS = (
     "--disable-sync",
 )
 WIDE, NARROW = 1280, 400
+#: Contingencies of a large study, and seconds of computing in which its page is there.
+LARGE, OPENED = 5000, 2.0
 #: Points of curves that are drawn; the legend has others.
 LINES = "#curves .scatterlayer .trace path.js-line"
 
@@ -59,6 +70,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "small": small_study(folder / "small"),
         "empty": new_store(folder / "empty", case="other", **REPLACED),
         "failed": new_store(folder / "failed", 1),
+        "judged": judged_study(folder / "judged"),
+        "large": large_study(folder / "large", LARGE),
     }
     stores["failed"].add([failed(1)])
     finish(stores["failed"])
@@ -71,18 +84,37 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 class Visit:
     """A page, with what it has complained of and asked for."""
 
-    def __init__(self, browser: Any, address: str):
+    def __init__(self, browser: Any, address: str, metered: bool = False):
         self.page = browser.new_page(viewport={"width": WIDE, "height": 800})
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self.page.on("console", self._heard)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
+        if metered:
+            session = self.page.context.new_cdp_session(self.page)
+            session.send("Performance.enable", {"timeDomain": "threadTicks"})
         self.page.goto(address)
+        self.seconds = _task_seconds(session) if metered else None
 
     def _heard(self, message: Any) -> None:
         if message.type in ("error", "warning"):
             self.complaints.append(message.text)
+
+
+def _task_seconds(session: Any) -> float:
+    """Time that the page's thread has computed."""
+    metrics = session.send("Performance.getMetrics")["metrics"]
+    return float(next(item["value"] for item in metrics if item["name"] == "TaskDuration"))
+
+
+@pytest.fixture(scope="module")
+def judged(browser: Any, pages: dict[str, str]) -> Iterator[Any]:
+    """The report of a study with criteria whose unstable machine lies outside the study area."""
+    visit = Visit(browser, pages["judged"])
+    yield visit.page
+    check_quiet(visit, pages["judged"])
+    visit.page.close()
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +218,7 @@ def test_table_sorts_by_mouse_and_keyboard(small):
 
 
 def test_table_is_filtered(small):
+    assert small.is_hidden("#criteria-chips")
     small.click("#chips [data-verdict=unstable]")
     assert numbers(small) == [4, 2]
     small.click("#chips [data-verdict=all]")
@@ -275,3 +308,166 @@ def test_what_was_watched_is_drawn_where_something_was(small):
     assert not small.locator("#watched b, #watched a[href*='127']").count()
     small.set_viewport_size({"width": NARROW, "height": 800})
     assert overflow(small) <= 0
+
+
+def test_the_machine_that_decided_is_drawn_and_its_limit_with_it(judged):
+    """The page opens on the unstable one; its machine is no machine of the study area."""
+    reason = judged.inner_text("#selected-reason")
+    assert reason.startswith("Machine 9:1 lost synchronism at 0.5 s.")
+    assert "185.0° from the centre of inertia" in reason
+    assert "the limit is 180°" in reason
+    assert "It lies outside the study area." in reason
+    assert "9:1 critical outside" in judged.text_content("#curves .legend")
+    drawn = "at('curves').data.find(trace => trace.name.startsWith('9:1')).y.at(-1)"
+    assert judged.evaluate(drawn) == pytest.approx(185.0, abs=0.1)
+    lines = "at('curves').layout.shapes.filter(item => item.type === 'line').map(item => item.y0)"
+    assert judged.evaluate(lines) == [-180, 180]
+    assert "outside it that decided (9:1)" in judged.inner_text("#curves-caption")
+
+
+def test_names_of_quantities_say_what_they_are(judged):
+    choose(judged, 2)
+    terms = judged.locator("#figures dt").all_inner_texts()
+    assert "Its largest angle from the centre of inertia" in terms
+    assert "Largest separation of two rotor angles" in terms
+    assert not any("swing" in term.lower() for term in terms)
+    assert not any("frequency" in term.lower() for term in terms)  # an unstable run has no nadir
+
+
+def test_criteria_have_their_tile_column_and_sentence(judged):
+    tiles = judged.locator("#verdicts li").all_inner_texts()
+    assert tiles[3].split() == ["2", "◆violate", "criteria", "of", "4"]
+    cells = judged.locator("#body td.violating").all_inner_texts()
+    assert [cell.replace("\n", "") for cell in cells] == ["◆3", "◆2, 3"]
+    choose(judged, 3)
+    reason = judged.inner_text("#selected-reason")
+    assert "Synchronism is kept" in reason
+    assert "The run violates 2 of 3 criteria: damping at least 3 %" in reason
+    assert "violates criteria" in judged.inner_text("#selected-title")
+    marks = judged.locator("#criteria-body td.verdict-word").all_inner_texts()
+    assert [mark[1:].strip() for mark in marks] == ["kept", "violated", "violated"]
+    assert "lowest voltage 0.65 p.u. at bus 5; a note" in judged.inner_text("#criteria-body")
+    assert judged.locator("#criteria b").count() == 0  # names are texts
+
+
+def test_a_margin_within_the_error_of_checked_runs_is_told(judged):
+    """Damping of 2.9 % is 0.1 % off its limit; the runs that were checked err by up to 0.2 %."""
+    choose(judged, 3)
+    assert "could turn: damping at least 3 %" in judged.inner_text("#selected-reason")
+
+
+def test_another_criterion_of_the_detailed_run_is_told(judged):
+    words = judged.inner_text("#banners")
+    assert "The detailed model violates other criteria" in words
+    assert "bus 1 (damping at least 3 %)" in words
+
+
+def test_contingencies_are_filtered_by_a_criterion(judged):
+    assert numbers(judged) == [2, 3, 1, 4]  # unstable, violating, by separation, failed
+    judged.click("#chips [data-verdict=violating]")
+    assert numbers(judged) == [2, 3]
+    judged.click("#criteria-chips [data-verdict='2']")
+    assert numbers(judged) == [3]
+    judged.click("#chips [data-verdict=all]")
+    judged.click("th[data-field=violations] button")
+    assert numbers(judged)[:2] == [3, 2]
+    judged.evaluate("shown.sort = null; fill()")
+
+
+def test_what_decided_is_drawn_with_what_it_is_held_against(judged):
+    choose(judged, 2)
+    caption = judged.inner_text("#decided-caption")
+    assert caption.startswith("What decided: Bus voltage (p.u.), Speed (p.u.).")
+    lines = (
+        "at('decided').layout.shapes.filter(item => item.type === 'line').map(s => [s.yref, s.y0])"
+    )
+    assert judged.evaluate(lines) == [["y", 0.9], ["y2", 1.12]]
+    choose(judged, 1)
+    assert judged.is_hidden("#decided-figure")
+
+
+def test_the_timeline_tells_what_happened_in_order(judged):
+    choose(judged, 1)
+    lines = judged.locator("#timeline li").all_inner_texts()
+    times = [float(line.split(" s")[0]) for line in lines]
+    assert times == sorted(times)
+    assert lines[0].endswith("fault")
+    assert lines[-1].endswith("end of the run")
+    choose(judged, 3)
+    assert any("violated: damping" in line or "violated" in line for line in
+               judged.locator("#timeline li").all_inner_texts())  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_criteria_do_not_make_the_page_overflow(judged, width):
+    judged.set_viewport_size({"width": width, "height": 800})
+    choose(judged, 2)
+    until(
+        judged,
+        "document.querySelector('#curves .main-svg').clientWidth <= at('curves').clientWidth",
+    )
+    assert overflow(judged) == 0
+    judged.set_viewport_size({"width": WIDE, "height": 800})
+
+
+def test_thousands_of_rows_open_quickly_and_scroll(browser, pages):
+    visit = Visit(browser, pages["large"], metered=True)
+    page = visit.page
+    few = Visit(browser, pages["failed"], metered=True)
+    # The drawing program alone takes its time, whatever it draws.
+    assert visit.seconds < max(OPENED, few.seconds + 0.5)
+    few.page.close()
+    assert page.inner_text("#caption").startswith(f"{LARGE} of {LARGE} contingencies")
+    drawn = page.locator("#body tr[data-number]")
+    assert 10 < drawn.count() < 60
+    rows = numbers_of(page)
+    height = page.evaluate("at('body').getBoundingClientRect().height / rowHeight()")
+    assert height == pytest.approx(LARGE, abs=0.5)  # the scroll bar is that of all rows
+    page.evaluate("at('scroll').scrollTop = 2500 * rowHeight()")
+    until(page, "shown.first > 2400")
+    later = numbers_of(page)
+    assert not set(rows) & set(later)
+    assert 10 < drawn.count() < 60
+    page.evaluate("at('scroll').scrollTop = at('scroll').scrollHeight")
+    until(page, f"shown.last === {LARGE}")
+    assert numbers_of(page)[-1] == int(page.evaluate("rows.at(-1).number"))
+    check_quiet(visit, pages["large"])
+    page.close()
+
+
+def test_arrow_keys_and_addresses_reach_rows_that_are_not_there_yet(browser, pages):
+    visit = Visit(browser, pages["large"] + "#1")  # the last of the ranking but for the stable ones
+    page = visit.page
+    until(page, "shown.chosen === 1")
+    assert page.locator("#body tr.chosen").count() == 1
+    place = page.evaluate("shown.found.findIndex(row => row.number === 1)")
+    page.focus("#body tr[data-number='1'] a")
+    for _ in range(20):
+        page.keyboard.press("ArrowUp")
+    number = page.evaluate(f"shown.found[{place} - 20].number")
+    until(page, f"shown.chosen === {number}")
+    assert page.evaluate("document.activeElement.closest('tr').dataset.number") == str(number)
+    page.fill("#filter", "1007-2007")
+    assert numbers_of(page) == [7]
+    assert page.locator("#body tr[data-number='7'] a").inner_text().startswith("line 1007-2007:1")
+    page.close()
+
+
+def test_in_print_every_row_is_there(browser, pages):
+    visit = Visit(browser, pages["large"])
+    page = visit.page
+    page.fill("#filter", "10")
+    page.emulate_media(media="print")
+    page.evaluate("beforePrint()")
+    assert page.locator("#body tr").count() == page.evaluate("shown.found.length")
+    assert page.is_visible("#timeline")
+    page.emulate_media(media="screen")
+    page.evaluate("afterPrint()")
+    assert page.locator("#body tr[data-number]").count() < 100
+    page.close()
+
+
+def numbers_of(page: Any) -> list[int]:
+    """Numbers of the rows that are in the page."""
+    script = "rows => rows.map(row => Number(row.dataset.number))"
+    return page.eval_on_selector_all("#body tr[data-number]", script)

@@ -430,3 +430,29 @@ def test_a_line_trip_is_told_to_be_a_branch_trip(command):
     code, _, err = command("simulate", "npcc", "--event", "line-trip branch=3-2")
     assert code == 2
     assert "unknown kind 'line-trip'; did you mean 'branch-trip'?" in " ".join(err.split())
+
+
+def test_a_run_is_held_against_criteria(command, tmp_path):
+    """A run that is completed and violates one ends with exit code 5; others are told beside it."""
+    file = tmp_path / "criteria.toml"
+    file.write_text('[[criteria]]\nkind = "voltage-dip"\nlevel = 0.99\nbuses = "all"\n')
+    begin = ("simulate", "npcc", "--fault-bus", 3, "--t-end", 2, "--criteria", file)
+    code, out, _ = command(*begin, "--criterion", "frequency from 59 to 61 Hz")
+    assert code == 5
+    assert "violated" in out
+    assert "frequency from 59 to 61 Hz" in " ".join(out.split())
+    code, out, _ = command(*begin, "--json", "-")
+    found = json.loads(out)["criteria"]
+    assert [item["verdict"] for item in found] == ["violated"]
+    code, _, _ = command(*begin[:6], "--criterion", "frequency from 59 to 61 Hz", "--json", "-")
+    assert code == 0
+    code, _, err = command(*begin[:6], "--criterion", "frequency from 49 to 51 Hz")
+    assert code == 2
+    assert "does not hold the 60 Hz" in " ".join(err.split())
+
+
+def test_the_frequency_of_a_run_that_ended_early_is_said_to_be_that_until_then(command):
+    _, out, _ = command("simulate", "npcc", "--fault-bus", 26, "--fault-duration", 0.5)
+    words = " ".join(out.split())
+    assert "until the run ended at 0.11 s" in words
+    assert "Largest changes of rotor angles since the start" in words

@@ -33,7 +33,7 @@ def test_damping_and_frequency_are_those_of_the_linearized_machine(smib):
 
 def test_without_a_disturbance_nothing_moves(smib):
     figures = trajectory_figures(gf.simulate(smib, [], t_end=1.0))
-    assert figures["largest_swing_deg"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["largest_angle_change_deg"] == pytest.approx(0.0, abs=1e-9)
     assert "damping_ratio" not in figures
     assert figures["nadir_hz"] == pytest.approx(60.0, abs=1e-9)
 

@@ -29,8 +29,10 @@ out = PlainConsole(highlight=False)
 err = PlainConsole(stderr=True, highlight=False)
 
 
-def exit_code(status: Status) -> ExitCode:
-    """Exit code that tells how a run ended."""
+def exit_code(status: Status, violated: bool = False) -> ExitCode:
+    """Exit code that tells how a run ended, and whether one that was completed violates a criterion."""
+    if violated and status is Status.COMPLETED:
+        return ExitCode.VIOLATED
     return {
         Status.COMPLETED: ExitCode.COMPLETED,
         Status.LOST_SYNCHRONISM: ExitCode.LOST_SYNCHRONISM,

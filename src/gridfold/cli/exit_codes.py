@@ -6,8 +6,8 @@ from enum import IntEnum
 
 EXIT_CODES = (
     "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
-    "speed; 4 contingencies of a study failed; 130 a study was interrupted; 1 anything else, such as "
-    "non-finite states."
+    "speed; 4 contingencies of a study failed; 5 a run was completed and violates a criterion; 130 a "
+    "study was interrupted; 1 anything else, such as non-finite states."
 )
 
 
@@ -19,3 +19,4 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     LOST_SYNCHRONISM = 3
     ROWS_FAILED = 4
+    VIOLATED = 5

@@ -23,6 +23,7 @@ from gridfold.cli.console import (
     speaks_to_people,
     write_json_option,
 )
+from gridfold.cli.criteria import CriteriaOptions
 from gridfold.cli.exit_codes import EXIT_CODES
 from gridfold.cli.options import CaseOptions, JsonOption, RunOptions, run_option
 from gridfold.cli.outcome import Disturbance, Outcome, ranked
@@ -31,11 +32,13 @@ from gridfold.dynamics.network import NetworkBackend
 from gridfold.equivalents.auto import Work
 from gridfold.equivalents.model_kind import ModelKind
 from gridfold.errors import OptionError
+from gridfold.grid.criterion_checks import check_criteria
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
 from gridfold.io.comtrade import check_name
 from gridfold.io.event_records import load_events, load_relays, parse_event
 from gridfold.io.results import check_target
+from gridfold.report.criteria_tables import criteria_table
 from gridfold.report.curves import draw_curves, run_curves
 from gridfold.report.plots import plot_trajectory
 from gridfold.report.style import check_format, save_figure
@@ -50,6 +53,7 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.criteria import Verdict, judge
 from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored, parse_monitor
 from gridfold.runs.monitor.columns import column_filter
 from gridfold.runs.monitor.extremes import extremes
@@ -78,6 +82,8 @@ Examples:
   gridfold simulate npcc --event "load-shed areas=1 share=0.1 time=1" --relays relays.toml
 
   gridfold simulate npcc --fault-bus 3 --monitor "flow 3-2, voltage area:1" --csv out.csv
+
+  gridfold simulate npcc --fault-bus 3 --criterion "voltage back to 0.9 within 1 s"
 
   gridfold simulate npcc --fault-bus 3 --model adaptive --study-buses 1-36 --compare
 
@@ -270,6 +276,7 @@ def simulate(
     events: EventOptions,
     runs: RunOptions,
     choice: ModelChoice,
+    criteria: CriteriaOptions,
     results: ResultOptions,
     no_watch: Annotated[
         bool, run_option("--no-watch", help="Go on after loss of synchronism.")
@@ -286,6 +293,7 @@ def simulate(
     """Simulate a disturbance."""
     began = time.perf_counter()
     happenings = events.collect()
+    asked = criteria.collect()
     criterion = None if no_watch else runs.criterion
     without = (ModelKind.DETAILED, ModelKind.PAPER_WHOLE)
     if compare and choice.model is ModelKind.DETAILED:
@@ -301,7 +309,8 @@ def simulate(
     columns = results.watched(grid, study)
     tables = results.tables(columns)
     simulator = choice.build(grid, source.case, work, method.stepper)
-    written = simulator.small is None and not results.whole
+    check_criteria(asked, grid.case, study)
+    written = simulator.small is None and not results.whole and not asked
     if written:
         result = task.stream(simulator, tables, compare)
     else:
@@ -313,6 +322,9 @@ def simulate(
     watched = extremes(columns.names, run.table(columns)) if results.printed else []
     if results.printed:
         record["monitor"] = [_finite(asdict(item)) for item in watched]
+    findings = judge(run, asked, study)
+    if asked:
+        record["criteria"] = [item.record() for item in findings]
     write_json_option(json, record | result.record())
     if not written:
         results.write(run, columns)
@@ -321,12 +333,15 @@ def simulate(
         _print_run(run, summary)
         if watched:
             out.print(extremes_table(watched))
+        if findings:
+            out.print(criteria_table(findings))
         say_method(method.reason)
         say_model(simulator.kind.value, simulator.reason)
         say_approximate(run.approximate(columns))
         result.show()
     results.draw(result, columns)
-    raise typer.Exit(exit_code(run.status))
+    violated = any(item.verdict is Verdict.VIOLATED for item in findings)
+    raise typer.Exit(exit_code(run.status, violated))
 
 
 simulate.__doc__ = _SIMULATE_HELP

@@ -38,6 +38,7 @@ _AXES = {
     "voltage_pu": "Bus voltage (p.u.)",
     "voltage_angle_deg": "Angle of bus voltage\n(degrees)",
     "frequency_hz": "Bus frequency (Hz)",
+    "island_hz": "Frequency of islands (Hz)",
     "load_mw": "Load (MW)",
     "load_mvar": "Load (Mvar)",
     "p_mw": "Flow into the line (MW)",

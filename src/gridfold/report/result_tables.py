@@ -28,6 +28,7 @@ _SHOWN = {
     "name": _Column("contingency", 0),
     "status": _Column("status", 0),
     "critical_machine": _Column("machine", 0),
+    "violations": _Column("vio-\nlates", 0),
     "largest_separation_deg": _Column("apart\n(deg)", 1),
     "lowest_voltage": _Column("lowest\n(p.u.)", 3),
     "lowest_voltage_bus": _Column("at\nbus", 0),

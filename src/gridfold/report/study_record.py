@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gridfold.io.study_store import StudyStore
 from gridfold.paper.published import SOURCE, TABLE_1
+from gridfold.report.criteria_record import criteria_record
+from gridfold.report.criteria_tables import other_criteria, violating
 from gridfold.report.curves import axis_text
 from gridfold.report.event_words import event_places, event_words
 from gridfold.report.grid_layout import with_places
@@ -63,6 +65,7 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
     # A damaged store may lack a column.
     frame = ranked(found.assign(**{name: None for name in column_types() if name not in found}))
     facts = study_facts(store)
+    shown = frame.drop(columns="criteria")
     return {
         "study": about["study"]["name"],
         "case": facts["Case"],
@@ -73,8 +76,10 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
         "accuracy": _accuracy(frame, about) | {"tolerance": facts.get("Tolerance")},
         "warnings": _warnings(about),
         "map": _map(about),
-        "fields": list(frame.columns),
-        "rows": _rows(frame),
+        "criteria": criteria_record(frame),
+        "angle_limit_deg": about["study"]["run"]["angle_limit_deg"],
+        "fields": list(shown.columns),
+        "rows": _rows(shown),
         "events": {item["number"]: _events(item["events"]) for item in listed},
         **_all_curves(store, [int(number) for number in frame["number"]], room),
         "paper": _paper(about, listed),
@@ -84,8 +89,9 @@ def study_record(store: StudyStore, room: int = ROOM) -> Record:
 
 
 def ranked(frame: pd.DataFrame) -> pd.DataFrame:
-    """The unstable ones first, then by the largest separation; failed ones last."""
-    order = frame["stable"].astype("Int64").fillna(2)
+    """The unstable ones first, then those that violate criteria, then by separation; failed last."""
+    kept = (frame["violated"].fillna("") == "").astype("Int64")
+    order = 2 * frame["stable"].astype("Int64").fillna(2) + kept
     return (
         frame.assign(_order=order)
         .sort_values(
@@ -112,12 +118,14 @@ def packed(values: NDArray[Any], finest: float = _FINEST_DEG) -> Record:
 def _counts(frame: pd.DataFrame, total: int) -> Record:
     stable = int(frame["stable"].fillna(False).sum())
     failed = int(frame["stable"].isna().sum())
+    count = violating(frame)
     return {
         "total": total,
         "stable": stable,
         "unstable": len(frame) - stable - failed,
         "failed": failed,
         "waiting": total - len(frame),
+        **({} if count is None else {"violating": count}),
     }
 
 
@@ -129,6 +137,7 @@ def _accuracy(frame: pd.DataFrame, about: Mapping[str, Any]) -> Record:
         "asked": about["study"]["check"]["sample"] != 0,
         "checked": len(checked),
         "other_verdict": other_verdicts(frame),
+        "other_criteria": list(other_criteria(frame)),
         "beyond_tolerance": _beyond(checked, about["settings"].get("tolerance_deg")),
         "further": "".join(further_errors(frame)).removeprefix(", "),
         "compared": len(errors),
@@ -219,7 +228,8 @@ def _all_curves(store: StudyStore, numbers: Sequence[int], room: int) -> Record:
         if found is not None:
             curves[number] = found
             room -= sum(len(run["content"]) for run in found["runs"].values())
-            room -= sum(len(panel["content"]) for panel in found.get("watched", _NONE)["panels"])
+            for what in ("watched", "decided"):
+                room -= sum(len(panel["content"]) for panel in found.get(what, _NONE)["panels"])
     return {"times": times, "curves": curves, "some_left_out": room <= 0}
 
 
@@ -227,14 +237,22 @@ def _curves(curves: Mapping[str, NDArray[Any]] | None, times: list[list[float]])
     """The curves of a contingency; its times are put into `times` if they are new there."""
     if curves is None:
         return None
-    record: Record = {"units": curves["units"].tolist(), "runs": {}}
+    outside = curves["units_outside"].tolist() if "units_outside" in curves else []
+    record: Record = {"units": curves["units"].tolist(), "outside": outside, "runs": {}}
     for name in ("run", "detailed", "linear"):
         if f"{name}_angles" in curves:
             where = _position(curves[f"{name}_times"], times)
             # Sample after sample of one machine, then of the next.
             record["runs"][name] = {"times": where, **packed(curves[f"{name}_angles"].T)}
     if "watched_names" in curves:
-        record["watched"] = _watched(curves, times)
+        left_out = int(curves["watched_left_out"])
+        record["watched"] = {**_panels(curves, "watched", times), "left_out": left_out}
+    if "decided_names" in curves:
+        record["decided"] = _panels(curves, "decided", times)
+        names, values = curves["limit_names"].tolist(), curves["limit_values"].tolist()
+        for panel in record["decided"]["panels"]:
+            pairs = zip(names, values, strict=True)
+            panel["limits"] = [value for name, value in pairs if name == panel["kind"]]
     if "error" in curves:
         record["error"] = packed(curves["error"], finest=1e-4)
     record["switches"] = [
@@ -246,9 +264,9 @@ def _curves(curves: Mapping[str, NDArray[Any]] | None, times: list[list[float]])
     return record
 
 
-def _watched(curves: Mapping[str, NDArray[Any]], times: list[list[float]]) -> Record:
-    """What was watched, kind by kind, each with a factor of its own."""
-    names, values = curves["watched_names"].tolist(), curves["watched_values"]
+def _panels(curves: Mapping[str, NDArray[Any]], what: str, times: list[list[float]]) -> Record:
+    """What was watched, or what decided, kind by kind, each with a factor of its own."""
+    names, values = curves[f"{what}_names"].tolist(), curves[f"{what}_values"]
     kinds = dict.fromkeys(name.partition(":")[0] for name in names)
     panels = []
     for kind in kinds:
@@ -262,8 +280,7 @@ def _watched(curves: Mapping[str, NDArray[Any]], times: list[list[float]]) -> Re
                 **packed(values[places], finest=size / _LARGEST or 1.0),
             }
         )
-    where = _position(curves["watched_times"], times)
-    return {"times": where, "panels": panels, "left_out": int(curves["watched_left_out"])}
+    return {"times": _position(curves[f"{what}_times"], times), "panels": panels}
 
 
 def _position(samples: NDArray[Any], times: list[list[float]]) -> int:

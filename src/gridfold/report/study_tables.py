@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gridfold.editing.editor import EDITED
 from gridfold.io.study_damage import Damage
 from gridfold.io.study_store import StudyStore
+from gridfold.report.criteria_tables import criteria_facts, violating
 from gridfold.report.plain import as_lines
 from gridfold.report.tables import shortened
 from gridfold.study.work import StudyRun
@@ -35,6 +36,7 @@ class Counts:
     stable: int
     unstable: int
     failed: int
+    violating: int | None = None
 
     @property
     def done(self) -> int:
@@ -43,11 +45,14 @@ class Counts:
 
     def record(self) -> dict[str, int]:
         """Ready for JSON."""
-        return asdict(self) | {"waiting": self.total - self.done}
+        given = {name: count for name, count in asdict(self).items() if count is not None}
+        return given | {"waiting": self.total - self.done}
 
     def __str__(self) -> str:
         text = f"{self.total} contingencies: {self.stable} stable, {self.unstable} not"
         text += f", {self.failed} failed"
+        if self.violating is not None:
+            text += f", {self.violating} violate criteria"
         return text if self.done == self.total else f"{text}, {self.total - self.done} not done"
 
 
@@ -56,7 +61,8 @@ def study_counts(store: StudyStore) -> Counts:
     frame = store.frame()
     stable = int(frame["stable"].fillna(False).sum())
     failed = int(frame["stable"].isna().sum())
-    return Counts(len(store.contingencies()), stable, len(frame) - stable - failed, failed)
+    unstable = len(frame) - stable - failed
+    return Counts(len(store.contingencies()), stable, unstable, failed, violating(frame))
 
 
 def failure_lines(frame: pd.DataFrame, total: int) -> list[str]:
@@ -99,6 +105,7 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     done = [line for line in settings.get("case_notices", ()) if line.startswith(EDITED)]
     if done:
         facts[f"Edits ({len(done)})"] = as_lines([line.removeprefix(EDITED) for line in done])
+    facts |= criteria_facts(frame)
     facts |= _evidence(settings, frame)
     if not settings["validated"]:
         facts["Not validated"] = _why_not_validated(settings)

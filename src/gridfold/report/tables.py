@@ -32,6 +32,7 @@ from gridfold.runs.monitor.extremes import Extremes
 from gridfold.runs.small_signal import SmallSignal
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
+from gridfold.systems.status import Status
 
 #: Nonlinear functions of a generator as the paper counts them (Osipov & Sun, section III.A).
 FUNCTIONS_PER_GENERATOR = 4
@@ -215,19 +216,21 @@ def run_facts(run: Trajectory, summary: Summary) -> dict[str, str]:
     ):
         if found is not None:
             facts[name] = f"{found.value:.3f} p.u. at bus {found.bus}, {found.at_seconds:g} s"
+    completed = run.status is Status.COMPLETED
+    until = "" if completed else f" until the run ended at {run.times[-1]:g} s"
     return facts | {
-        **_island_facts(summary),
+        **_island_facts(summary, until),
         "Time": f"networks {run.setup_seconds:.3f} s, integration {run.simulation_seconds:.3f} s",
     }
 
 
-def _island_facts(summary: Summary) -> dict[str, str]:
+def _island_facts(summary: Summary, until: str) -> dict[str, str]:
     """Frequencies of all islands, and what was cut off if anything was."""
     facts, swing, parts = {}, summary.frequency, summary.cut_off
     if swing is not None:
         facts["Frequency"] = (
             f"{swing.lowest_hz:.3f} Hz at {swing.lowest_at:g} s to {swing.highest_hz:.3f} Hz at "
-            f"{swing.highest_at:g} s"
+            f"{swing.highest_at:g} s{until}"
         )
     if parts.islands != 1 or parts.lost_load_mw:
         facts["Islands"] = (
@@ -248,9 +251,11 @@ def notice_table(run: Trajectory) -> PlainTable:
 
 
 def swing_table(summary: Summary, count: int = 8) -> PlainTable:
-    """The machines that swing most."""
-    table = PlainTable(title="Largest swings against the centre of inertia", title_justify="left")
-    for name in ("machine", "angle (deg)", "at (s)", "lowest speed", "highest speed"):
+    """The machines whose angle from the centre of inertia changes most."""
+    table = PlainTable(
+        title="Largest changes of rotor angles since the start", title_justify="left"
+    )
+    for name in ("machine", "change (deg)", "at (s)", "lowest speed", "highest speed"):
         table.add_column(name, justify="right")
     for swing in summary.swings[:count]:
         table.add_row(

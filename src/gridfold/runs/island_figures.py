@@ -49,17 +49,27 @@ class CutOff:
     lost_load_mw: float
 
 
+def island_frequencies(part: Part) -> NDArray[np.float64]:
+    """Frequency in Hz of the centre of inertia of each island that has a machine, (n, n_islands)."""
+    frame = angle_frame(part.model)
+    if not frame.units:
+        return np.zeros((len(part), 0))
+    speed = part.signals(part.model.slots("speed", frame.units))
+    return part.model.case.frequency_hz * (speed @ _shares(frame.inertia, frame.island))
+
+
 def frequency_range(part: Part) -> FrequencyRange | None:
     """Extremes over all islands and times of a part of a run; None without a machine in service."""
-    frame = angle_frame(part.model)
-    if not frame.units or not len(part):
-        return None
-    speed = part.signals(part.model.slots("speed", frame.units))
-    here = part.model.case.frequency_hz * (speed @ _shares(frame.inertia, frame.island))
-    low, high = here.min(axis=1), here.max(axis=1)
+    here = island_frequencies(part)
+    return range_of(part.times, here) if here.size else None
+
+
+def range_of(times: NDArray[np.float64], frequencies: NDArray[np.float64]) -> FrequencyRange:
+    """Extremes of frequencies (n, n_islands) in Hz, at least one island, at `times` (n,) in s."""
+    low, high = frequencies.min(axis=1), frequencies.max(axis=1)
     first, last = int(low.argmin()), int(high.argmax())
     return FrequencyRange(
-        float(low[first]), float(part.times[first]), float(high[last]), float(part.times[last])
+        float(low[first]), float(times[first]), float(high[last]), float(times[last])
     )
 
 

@@ -33,10 +33,13 @@ from gridfold.equivalents.switching import SwitchingRule
 from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import EventError, OptionError, StepWarning, warn_caller
 from gridfold.grid.case import Case, UnitKey
+from gridfold.grid.criteria import Criterion
+from gridfold.grid.criterion_checks import check_criteria
 from gridfold.grid.events import BusFault
 from gridfold.grid.relays import Relay
 from gridfold.grid.selection_text import as_ranges
 from gridfold.grid.timeline import build_timeline, initial_state
+from gridfold.io.criterion_records import criteria_of
 from gridfold.io.event_records import relays_of
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
@@ -138,6 +141,7 @@ class Prepared:
     tolerant: TolerantModel | None = None
     relays: tuple[Relay, ...] = ()
     columns: Columns | None = None
+    criteria: tuple[Criterion, ...] = ()
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -176,6 +180,7 @@ def do_offline_work(
         refuse_doubtful_start(case, basis_of(with_start_checked(model)))
     _check_settings(study, model, contingencies)
     _watched(study, model, buses)
+    check_criteria(criteria_of(study.criteria), case, buses or None)
     parts = partition(model, buses) if buses else None
     method = _method(study, model, contingencies, earlier)
     for doubt in method.doubts:
@@ -299,6 +304,7 @@ def prepare(offline: Offline) -> Prepared:
         tolerant,
         relays,
         columns,
+        criteria_of(study.criteria),
     )
 
 

@@ -11,9 +11,6 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
@@ -21,6 +18,7 @@ from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError
 from gridfold.grid.case import UnitKey
+from gridfold.grid.criteria import VoltageDip, VoltageRecovery
 from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
@@ -28,19 +26,19 @@ from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.table_files import TableFile, TableFormat
-from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.runs.trajectory import Trajectory
+from gridfold.study.curves import run_curves, sampled_rows
 from gridfold.study.generate import Contingency
+from gridfold.study.judged import judged_figures, names_of
 from gridfold.study.prepare import Prepared
 from gridfold.study.study_file import Kept, SideBySide
 from gridfold.study.summary import Figures, time_per_model, trajectory_figures
 from gridfold.study.watched import watched_curves
-
-#: Samples of a curve in the report.
-POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,6 @@ def why_one_by_one(prepared: Prepared) -> str | None:
 
 def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    wanted = prepared.study.outputs
     runs = simulate_batch(
         prepared.model,
         [task.contingency.events for task in batch],
@@ -102,13 +99,20 @@ def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solve
         prepared.method.stepper,
         prepared.criterion,
         dict(prepared.intact),
-        every_state=wanted.trajectories is not Kept.NONE,
+        every_state=_looks_at_every_state(prepared),
     )
     for number, run in runs:
         if isinstance(run, Trajectory):
             area = None if prepared.parts is None else prepared.parts.study_buses
             within = replace(run, study_buses=area)
             yield number, _Solver(prepared, batch[number]).detailed(within)
+
+
+def _looks_at_every_state(prepared: Prepared) -> bool:
+    """Whether more is wanted of a run than its rotor angles and speeds: voltages follow from all."""
+    wanted = prepared.study.outputs
+    judged = any(isinstance(item, VoltageDip | VoltageRecovery) for item in prepared.criteria)
+    return judged or wanted.trajectories is not Kept.NONE or wanted.monitor is not None
 
 
 @one_blas_thread
@@ -189,13 +193,16 @@ class _Solver:
     ) -> Solved:
         """The row, the curves and the table of a run."""
         figures |= trajectory_figures(run)
-        curves = self._curves(run, switches)
-        if self.prepared.study.outputs.monitor is not None:
-            curves |= watched_curves(run, self.columns, _rows(run))
+        findings = self._judge(run)
+        figures |= judged_figures(findings, figures.get("error_estimate_deg"))
+        beside: dict[str, Trajectory] = {}
         if self.task.check and self.small is not None:
             checked, beside = self._check(run, figures, self.small)
             figures |= checked
-            curves |= beside
+        critical = figures["critical_machine"]
+        curves = run_curves(run, beside, switches, findings, self._units_of(run), critical)
+        if self.prepared.study.outputs.monitor is not None:
+            curves |= watched_curves(run, self.columns, sampled_rows(run))
         figures |= self._clearing_time()
         figures["wall_s"] = time.perf_counter() - began
         row = vars(Figures(**figures))
@@ -227,16 +234,18 @@ class _Solver:
 
     def _check(
         self, run: Trajectory, found: dict[str, Any], small: SmallModels
-    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Errors of a run and its figures, and the curves of a detailed and of a linear run."""
+    ) -> tuple[dict[str, Any], dict[str, Trajectory]]:
+        """Errors of a run and its figures, and a detailed and a linear run of the same."""
         events = self.events
         detailed = self._detailed(events)
         linear = self._adaptive(small, SwitchingRule(inf), events).trajectory
-        curves = self._angles(detailed, "detailed") | self._angles(linear, "linear")
         figures: dict[str, Any] = {
             "checked": detailed.status.value,
             "wall_check_s": _seconds(detailed),
         }
+        if self.prepared.criteria:
+            judged = self._judge(detailed)
+            figures["checked_violated"] = names_of(judged, Verdict.VIOLATED)
         right = trajectory_figures(detailed)
         for name in ("damping_ratio", "nadir_hz", "lowest_voltage"):
             if found.get(name) is not None and right.get(name) is not None:
@@ -251,9 +260,13 @@ class _Solver:
                 "error_coi_deg": max(error.relative_rms_deg for error in errors.units),
                 "error_largest_deg": max(error.largest_deg for error in errors.units),
             }
-            apart = run.rotor_angle_deg(units) - detailed.rotor_angle_deg(units)
-            curves["error"] = np.nanmax(np.abs(apart[_rows(run)]), axis=1).astype(np.float32)
-        return figures, curves
+        return figures, {"detailed": detailed, "linear": linear}
+
+    def _judge(self, run: Trajectory) -> tuple[Finding, ...]:
+        """What the study's criteria say of a run."""
+        ready = self.prepared
+        area = None if ready.parts is None else ready.parts.study_buses
+        return judge(run, ready.criteria, area) if ready.criteria else ()
 
     def _clearing_time(self) -> dict[str, Any]:
         wanted = self.prepared.study.clearing_times
@@ -298,25 +311,6 @@ class _Solver:
             return self.prepared.tolerant.run(model, *rest).trajectory
         return simulate_adaptive(model, self.small, self.prepared.rule, *rest).trajectory
 
-    def _curves(self, run: Trajectory, switches: tuple[Switch, ...]) -> dict[str, NDArray[Any]]:
-        curves = self._angles(run, "run")
-        curves["units"] = np.array([str(unit) for unit in self._units_of(run)])
-        curves["switch_times"] = np.array([switch.time for switch in switches])
-        curves["switch_models"] = np.array(
-            [switch.after.value for switch in switches], dtype=np.str_
-        )
-        curves["switch_reasons"] = np.array([switch.reason for switch in switches], dtype=np.str_)
-        return curves
-
-    def _angles(self, run: Trajectory, name: str) -> dict[str, NDArray[Any]]:
-        """Rotor angles in degrees against the centre of inertia, of the study area's machines."""
-        rows = _rows(run)
-        angles = run.rotor_angle_deg(self._units_of(run), AngleReference.CENTRE_OF_INERTIA)
-        return {
-            f"{name}_times": run.times[rows].astype(np.float32),
-            f"{name}_angles": angles[rows].astype(np.float32),
-        }
-
     def _units_of(self, run: Trajectory) -> list[UnitKey]:
         return [unit for unit in self.prepared.study_machines if unit in run.model.machines]
 
@@ -333,9 +327,3 @@ class _Solver:
 def _seconds(run: Trajectory) -> float:
     """Seconds that the machine took for a run, networks included."""
     return run.setup_seconds + run.simulation_seconds
-
-
-def _rows(run: Trajectory) -> NDArray[np.int64]:
-    """Rows of at most :data:`POINTS` samples, the first and the last among them."""
-    last = len(run.times) - 1
-    return np.unique(np.linspace(0, last, min(POINTS, last + 1)).round().astype(np.int64))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from importlib import resources
@@ -14,7 +15,15 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from gridfold.cards import Card
@@ -31,6 +40,7 @@ from gridfold.equivalents.model_kind import (
 )
 from gridfold.errors import CaseFileError, OptionError, OutputError
 from gridfold.grid.selection_text import Word, parse_selection
+from gridfold.io.criterion_records import criterion_from_record, criterion_schema
 from gridfold.io.results import check_target, replacing
 from gridfold.io.tables import read_text, read_toml, suggest
 from gridfold.runs.loading import Solve
@@ -80,6 +90,21 @@ class SideBySide(Enum):
 
     AUTO = "auto"
     OFF = "off"
+
+
+def _criterion(record: dict[str, Any]) -> dict[str, Any]:
+    """Checks a table of a criterion."""
+    try:
+        criterion_from_record(record, "criterion")
+    except OptionError as error:
+        raise ValueError(str(error).removeprefix("criterion: ")) from None
+    return record
+
+
+#: A criterion: ``{ kind = "damping", percent = 3 }`` or ``{ preset = "damping at least 3 %" }``.
+CriterionTable = Annotated[
+    dict[str, Any], AfterValidator(_criterion), WithJsonSchema(criterion_schema())
+]
 
 
 class Kept(Enum):
@@ -358,6 +383,9 @@ class Study(Card, _Section):
     relays: tuple[dict[str, Any], ...] = Field(
         default=(), description="Relays that watch every run, as in a file of relays."
     )
+    criteria: tuple[CriterionTable, ...] = Field(
+        default=(), description="What a run has to fulfil, by kind or preset."
+    )
     model: Model = Model()
     run: Run = Run()
     check: Check = Check()
@@ -478,21 +506,28 @@ class _Lines:
 
     def __init__(self, text: str):
         self._where: dict[tuple[str, ...], int] = {}
+        counts: Counter[tuple[str, ...]] = Counter()
         table: tuple[str, ...] = ()
         for number, line in enumerate(text.splitlines(), start=1):
             text = line.strip()
             if text.startswith("["):
                 table = tuple(map(_bare, text.lstrip("[").partition("]")[0].split(".")))
                 self._where.setdefault(table, number)
+                if text.startswith("[["):
+                    table, name = (*table, str(counts[table])), table
+                    counts[name] += 1
+                    self._where[table] = number
             elif "=" in text:
                 self._where.setdefault((*table, _bare(text.partition("=")[0])), number)
 
     def find(self, location: Sequence[int | str]) -> int | None:
         """Line of a key, or of the innermost table around it that the file has."""
+        every = tuple(map(str, location))
         names = tuple(part for part in location if isinstance(part, str))
-        for length in range(len(names), 0, -1):
-            if names[:length] in self._where:
-                return self._where[names[:length]]
+        for length in range(len(every), 0, -1):
+            for known in (every[:length], names[:length]):
+                if known in self._where:
+                    return self._where[known]
         return None
 
 

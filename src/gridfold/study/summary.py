@@ -9,22 +9,19 @@ from itertools import repeat
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.ringdown import ringdown
+from gridfold.runs.dominant_swing import dominant_swing
 from gridfold.runs.extremes import Extreme
 from gridfold.runs.island_figures import FrequencyRange
-from gridfold.runs.summary import last_event, summarize
+from gridfold.runs.summary import summarize
 from gridfold.runs.synchronism import angle_frame
 from gridfold.runs.trajectory import AngleReference, Trajectory
 from gridfold.systems.status import Status
 
 #: Columns that tell times of the machine; all others are the same whatever ran the study.
 WALL = "wall_"
-#: Swings smaller than this (degrees) have no damping to speak of.
-_SMALL_SWING_DEG = 0.05
 _DARK = "no machine is left; everything is de-energized"
 
 
@@ -43,16 +40,19 @@ class Figures:
     reason : str
         What ended it early.
     critical_machine : str
-        ``BUS:ID`` of the machine that lost synchronism or was off speed, else of the one that swung
-        furthest.
-    largest_swing_deg : float
-        How far it swung, against the centre of inertia of its island.
+        ``BUS:ID`` of the machine that lost synchronism or was off speed, else of the one whose angle
+        went furthest from where it was at the start.
+    largest_angle_deg : float
+        Its angle from the centre of inertia of its island where that is largest, in degrees.
+    largest_angle_change_deg : float
+        How far this angle went from where it was at the start, in degrees.
     largest_separation_deg, separation_at : float
         Largest difference of two rotor angles in one island, in degrees, and when (s).
     lowest_voltage, highest_voltage : float
         In p.u., of energized buses after the last event; with bus and time (s).
     nadir_hz, nadir_at : float
-        Lowest frequency of the centre of inertia of any island, and when (s).
+        Lowest frequency of the centre of inertia of any island, and when (s); of a run that ended
+        early nothing is told, since it ended before the nadir.
     highest_hz : float
         Highest frequency of the same.
     islands : int
@@ -66,8 +66,21 @@ class Figures:
     critical_clearing_time, margin : float
         In seconds; the margin is what it exceeds the fault's duration by. A clearing time beyond the
         longest tried is given as that, with `clearing_time_bounded` false.
+    violations : int
+        How many of the study's criteria the run violates; missing without criteria.
+    violated, not_judged : str
+        Names of the study's criteria that the run violates, and of those that it leaves open because it
+        ended too early; by semicolons, empty if there are none, missing without criteria.
+    close : str
+        Names of criteria whose verdict the estimated error of the reduced model could turn.
+    least_margin : float
+        The smallest margin of a criterion as a part of its limit; negative if one is violated.
+    criteria : str
+        All of them with value, margin, place and time, a JSON list.
     checked : str
         How the detailed run of the same contingency ended; missing if there was none.
+    checked_violated : str
+        Names of the criteria that it violates.
     error_rms_deg, error_coi_deg, error_largest_deg : float
         Errors of rotor angles of the study area against it: equation (19) of Osipov & Sun for the
         worst machine (`error_machine`), the same of angles against the centre of inertia, and the
@@ -95,7 +108,8 @@ class Figures:
     ended_at: float | None = None
     reason: str | None = None
     critical_machine: str | None = None
-    largest_swing_deg: float | None = None
+    largest_angle_deg: float | None = None
+    largest_angle_change_deg: float | None = None
     largest_separation_deg: float | None = None
     separation_at: float | None = None
     lowest_voltage: float | None = None
@@ -115,7 +129,14 @@ class Figures:
     critical_clearing_time: float | None = None
     clearing_time_bounded: bool | None = None
     margin: float | None = None
+    violations: int | None = None
+    violated: str | None = None
+    not_judged: str | None = None
+    close: str | None = None
+    least_margin: float | None = None
+    criteria: str | None = None
     checked: str | None = None
+    checked_violated: str | None = None
     error_rms_deg: float | None = None
     error_coi_deg: float | None = None
     error_largest_deg: float | None = None
@@ -155,18 +176,21 @@ def column_types() -> dict[str, type]:
 def trajectory_figures(run: Trajectory) -> dict[str, Any]:
     """The figures that follow from the trajectory of a run."""
     summary = summarize(run)
-    critical, swing = _critical(run, summary.swings)
+    critical, change = _critical(run, summary.swings)
     result: dict[str, Any] = {
         "status": _name(run.status),
         "stable": run.status is Status.COMPLETED and not summary.dark,
         "ended_at": float(run.times[-1]),
         "reason": _DARK if summary.dark else _reason(run),
         "critical_machine": None if critical is None else str(critical),
-        "largest_swing_deg": swing,
+        "largest_angle_deg": None if critical is None else _largest_angle(run, critical),
+        "largest_angle_change_deg": change,
         "steps": run.run.step_count,
         "notices": json.dumps([[round(n.time, 6), n.text] for n in run.notices]),
     }
-    result |= asdict(summary.cut_off) | _separation(run) | _frequency(summary.frequency)
+    result |= asdict(summary.cut_off) | _separation(run)
+    if run.status is Status.COMPLETED:
+        result |= _frequency(summary.frequency)
     result |= _voltage("lowest_voltage", summary.lowest_voltage)
     result |= _voltage("highest_voltage", summary.highest_voltage)
     if critical is not None and run.status is Status.COMPLETED:
@@ -196,6 +220,12 @@ def _critical(run: Trajectory, swings: Any) -> tuple[UnitKey | None, float | Non
             if str(swing.unit) == name:
                 return swing.unit, swing.largest_angle_deg
     return (swings[0].unit, swings[0].largest_angle_deg) if swings else (None, None)
+
+
+def _largest_angle(run: Trajectory, unit: UnitKey) -> float:
+    """Angle of a machine in degrees from the centre of inertia of its island where it is largest."""
+    angle = run.rotor_angle_deg([unit], AngleReference.CENTRE_OF_INERTIA)[:, 0]
+    return float(angle[np.nanargmax(np.abs(angle))])
 
 
 def _reason(run: Trajectory) -> str | None:
@@ -246,11 +276,7 @@ def _voltage(name: str, found: Extreme | None) -> dict[str, Any]:
 
 def _damping(run: Trajectory, unit: UnitKey) -> dict[str, float | None]:
     """Damping of the swing of `unit` after the last event."""
-    angle = run.rotor_angle_deg([unit], AngleReference.CENTRE_OF_INERTIA)[:, 0]
-    swing: NDArray[np.float64] = angle[run.times >= last_event(run)]
-    if len(swing) < 2 or np.isnan(swing).any() or np.ptp(swing) < _SMALL_SWING_DEG:
-        return {}
-    found = ringdown(swing, run.stepper.step)
+    found = dominant_swing(run, unit)
     if found is None:
         return {}
     return {"swing_hz": found.frequency_hz, "damping_ratio": found.damping_ratio}

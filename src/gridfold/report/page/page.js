@@ -33,7 +33,10 @@ const CONFIG = {displaylogo: false, responsive: true,
   modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"]};
 const FONT = {family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 12, color: INK};
 // Machines with a colour and a sign of their own; further ones are thin lines.
-const TOLD_APART = 10, AT_FIRST = 300, BARS = 150;
+const TOLD_APART = 10, BARS = 150;
+// Rows beyond both ends of what is seen of the table that are in the page too.
+const AHEAD = 8;
+const VIOLATING = {sign: "◆", word: "violates criteria"};
 
 // ---- small helpers -------------------------------------------------------------------------------
 
@@ -50,6 +53,7 @@ const fixed = (value, digits) => known(value) ? value.toFixed(digits) : "";
 // Plotly reads entities, then tags: a sign without width after each "&" and "<" makes them neither.
 const plain = text => String(text).replace(/[&<]/g, "$&\u2060");
 const many = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
+const violates = row => Boolean(row.violated);
 const verdictOf = row => row.stable === null ? "failed" : row.stable ? "stable" : "unstable";
 // Seconds and degrees without trailing zeros.
 const short = (value, digits) => String(Number(value.toFixed(digits)));
@@ -63,7 +67,8 @@ function machineName(unit) {
   return bus && bus.name ? `${unit} (${bus.name.trim()})` : unit;
 }
 function withSign(parent, verdict, text) {
-  parent.append(element("span", VERDICTS[verdict]?.sign ?? "○", {class: "sign", "aria-hidden": "true"}), text);
+  const sign = verdict === "violating" ? VIOLATING.sign : VERDICTS[verdict]?.sign ?? "○";
+  parent.append(element("span", sign, {class: "sign", "aria-hidden": "true"}), text);
   return parent;
 }
 function draw(id, traces, layout) {
@@ -84,9 +89,10 @@ function header() {
   const counts = record.counts;
   const tiles = [["stable", counts.stable], ["unstable", counts.unstable], ["failed", counts.failed]];
   if (counts.waiting) tiles.push(["waiting", counts.waiting]);
+  if (known(counts.violating)) tiles.push(["violating", counts.violating]);
   for (const [verdict, count] of tiles) {
     const tile = element("li", null, {class: verdict});
-    const label = verdict === "waiting" ? "not run yet" : verdict;
+    const label = {waiting: "not run yet", violating: VIOLATING.word.replace("violates", "violate")}[verdict] ?? verdict;
     tile.append(element("b", count));
     at("verdicts").append(withSign(tile, verdict, `${label} of ${counts.total}`));
   }
@@ -115,7 +121,7 @@ function evidence() {
       + (accuracy.compared < accuracy.checked
         ? `; ${accuracy.checked - accuracy.compared} ended at another time and have no error.` : "."));
   }
-  if (accuracy.further) words.push(`Besides: ${accuracy.further}.`);
+  if (accuracy.further) words.push(`Besides: ${accuracy.further.replace(/\.$/, "")}.`);
   return words.join(" ") + tolerance;
 }
 const degrees = value => value !== 0 && value < 0.01 ? "less than 0.01°" : `${value.toFixed(2)}°`;
@@ -135,6 +141,10 @@ function banners() {
   }
   if (record.accuracy.beyond_tolerance.length) {
     banner("Runs that were checked err by more than the tolerance.", record.accuracy.beyond_tolerance);
+  }
+  if (record.accuracy.other_criteria.length) {
+    banner("The detailed model violates other criteria for contingencies that were checked.",
+      record.accuracy.other_criteria);
   }
   if (record.accuracy.other_verdict.length) {
     banner("The detailed model gives another verdict for contingencies that were checked.",
@@ -159,15 +169,16 @@ const COLUMNS = [
   {field: "number", head: "No.", digits: 0, always: true},
   {field: "name", head: "Contingency", text: true, always: true},
   {field: "verdict", head: "Verdict", text: true, always: true},
+  {field: "violations", head: "Violates", text: true, help: "numbers of the criteria that are violated; the verdict is about synchronism alone"},
   {field: "largest_separation_deg", head: "Separation", unit: "deg", digits: 1, help: "largest difference of two rotor angles"},
   {field: "lowest_voltage", head: "Lowest V", unit: "p.u.", digits: 3, help: "of energized buses after the last event"},
   {field: "critical_clearing_time", head: "CCT", unit: "s", digits: decimals("critical_clearing_time", 4), help: "critical clearing time"},
   {field: "error_rms_deg", head: "Error", unit: "deg RMS", digits: 2, help: "of rotor angles, against the detailed run"},
   {field: "damping_ratio", head: "Damping", unit: "%", digits: 1, factor: 100, help: "of the dominant swing of the critical machine"},
-  {field: "nadir_hz", head: "Nadir", unit: "Hz", digits: 3, help: "lowest frequency of any island"},
+  {field: "nadir_hz", head: "Nadir", unit: "Hz", digits: 3, help: "lowest frequency of any island, of runs that were completed"},
   {field: "islanded_mw", head: "Cut off", unit: "MW", digits: 0, seldom: true, help: "generation outside the largest island at the end"},
   {field: "lost_load_mw", head: "Lost load", unit: "MW", digits: 0, seldom: true, help: "at buses that are de-energized at the end"},
-  {field: "critical_machine", head: "Machine", text: true, help: "the critical one: lost synchronism, off speed, or swung furthest"},
+  {field: "critical_machine", head: "Machine", text: true, help: "the critical one: lost synchronism, off speed, or went furthest from its angle at the start"},
 ];
 // Decimals of the figures as they are: clearing times have those of the study's resolution.
 function decimals(field, most) {
@@ -175,13 +186,48 @@ function decimals(field, most) {
     .map(row => (short(row[field], most).split(".")[1] ?? "").length));
 }
 const rank = new Map(rows.map((row, k) => [row.number, k]));
-const shown = {verdict: "all", text: "", sort: null, descending: false, limit: AT_FIRST, chosen: null};
+const shown = {verdict: "all", text: "", sort: null, descending: false, chosen: null,
+  found: [], first: 0, last: 0, all: false};
 
 // Columns that are empty everywhere are left out, and some that are 0 everywhere.
 const columns = COLUMNS.filter(column => column.always
   || rows.some(row => column.seldom ? row[column.field] : known(row[column.field])));
 const valueOf = (row, field) => field === "verdict" ? verdictOf(row) : row[field];
+// Numbers of the criteria that a row violates, from 1.
+const violatedBy = row => (row.violated || "").split("; ").filter(Boolean)
+  .map(name => record.criteria.names.indexOf(name) + 1);
 
+// Widths are those of the longest text of all rows: they stay while the rows in the page change.
+function textOf(row, column) {
+  const value = valueOf(row, column.field);
+  if (column.field === "violations") return "◆ " + violatedBy(row).join(", ");
+  return column.text ? String(value ?? "") : tableFigure(row, column, value);
+}
+function longest(column) {
+  const head = [column.head, column.unit ?? ""].map(text => text.length + 0.6);
+  return rows.reduce((most, row) => Math.max(most, textOf(row, column).length), Math.max(...head));
+}
+function widths() {
+  const group = element("colgroup");
+  let taken = 0;
+  for (const column of columns) {
+    const made = element("col"), most = longest(column);
+    // Letters are narrower than the digits that "ch" is made for.
+    const width = column.field === "verdict" ? 10 : 0.92 * most + 0.5;
+    if (column.field !== "name") { made.style.width = `calc(${width}ch + .54rem)`; taken += width + 1.2; }
+    group.append(made);
+  }
+  at("table").prepend(group);
+  at("table").style.minWidth = `calc(${taken}ch + 7rem)`;
+}
+// Lines of every row: those that the longest name takes, up to three.
+const LETTER = 7;
+function rowLines() {
+  const name = columns.find(column => column.field === "name");
+  const room = at("heads").querySelector("[data-field=name]").clientWidth - 8;
+  const needed = Math.ceil(LETTER * longest(name) / Math.max(room, 1));
+  at("table").style.setProperty("--lines", Math.min(3, Math.max(1, needed)));
+}
 function heads() {
   for (const column of columns) {
     const head = element("th", null, {scope: "col", "data-field": column.field});
@@ -198,8 +244,8 @@ function heads() {
 }
 function sortBy(column) {
   const again = shown.sort === column.field;
-  // Figures begin with the worst: the largest, but for voltage, frequency, damping and clearing time.
-  const down = ["largest_separation_deg", "error_rms_deg", "islanded_mw", "lost_load_mw"].includes(column.field);
+  // Figures begin with the worst: the largest, but for voltage, frequency, damping, margin and clearing time.
+  const down = ["violations", "largest_separation_deg", "error_rms_deg", "islanded_mw", "lost_load_mw"].includes(column.field);
   shown.descending = again ? !shown.descending : down;
   shown.sort = column.field;
   fill();
@@ -207,16 +253,22 @@ function sortBy(column) {
 function matching() {
   const words = shown.text.toLowerCase().split(/\s+/).filter(Boolean);
   return rows.filter(row => {
-    if (shown.verdict !== "all" && verdictOf(row) !== shown.verdict) return false;
-    const text = [row.name, row.kind, row.critical_machine, row.status, row.reason].join(" ").toLowerCase();
+    if (!isShown(row, shown.verdict)) return false;
+    const text = [row.name, row.kind, row.critical_machine, row.status, row.reason, row.violated].join(" ").toLowerCase();
     return words.every(word => text.includes(word));
   });
+}
+// Whether a chip shows a row: all, a verdict, those that violate criteria, or the criterion of a number.
+function isShown(row, chip) {
+  if (chip === "all") return true;
+  if (chip === "violating") return violates(row);
+  return Number(chip) ? violatedBy(row).includes(Number(chip)) : verdictOf(row) === chip;
 }
 function sorted(found) {
   if (!shown.sort) return found;
   const sign = shown.descending ? -1 : 1;
-  const compare = (a, b) => typeof a === "string"
-    ? a.localeCompare(b, "en", {numeric: true}) : a - b;
+  const order = new Intl.Collator("en", {numeric: true});
+  const compare = (a, b) => typeof a === "string" ? order.compare(a, b) : a - b;
   return [...found].sort((one, other) => {
     const a = valueOf(one, shown.sort), b = valueOf(other, shown.sort);
     if (!known(a) || !known(b)) return known(b) - known(a) || rank.get(one.number) - rank.get(other.number);
@@ -230,22 +282,56 @@ function fill() {
       head.setAttribute("aria-sort", shown.descending ? "descending" : "ascending");
     }
   }
-  const found = sorted(matching());
-  const visible = found.slice(0, shown.limit);
-  at("body").replaceChildren(...visible.map(tableRow));
-  say("caption", caption(found.length, visible.length));
-  at("more").hidden = visible.length === found.length;
-  say("more", `Show all ${found.length}`);
+  shown.found = sorted(matching());
+  at("table").setAttribute("aria-rowcount", shown.found.length + 1);
+  at("scroll").scrollTop = 0;
+  say("caption", caption(shown.found.length));
+  drawRows(true);
+}
+// Only rows that are seen are in the page: every row has the height of the first one.
+function rowHeight() {
+  const row = at("body").querySelector("tr[data-number]");
+  return row?.getBoundingClientRect().height || 24;
+}
+function drawRows(anew = false) {
+  const box = at("scroll"), height = rowHeight(), count = shown.found.length;
+  const top = Math.floor(box.scrollTop / height), seen = Math.ceil(box.clientHeight / height);
+  const first = shown.all ? 0 : Math.max(0, Math.min(top, count - seen) - AHEAD);
+  const last = shown.all ? count : Math.min(count, top + seen + AHEAD);
+  if (!anew && first === shown.first && last === shown.last) return;
+  shown.first = first;
+  shown.last = last;
+  const made = shown.found.slice(first, last).map((row, k) => tableRow(row, first + k));
+  at("body").replaceChildren(...spacer(first * height), ...made, ...spacer((count - last) * height));
+  // The height is known for sure only once a row is there.
+  if (made.length && Math.abs(rowHeight() - height) > 0.01) drawRows(true);
   markRow();
 }
-function caption(found, visible) {
-  if (!rows.length) return "No contingency has a result yet.";
-  const order = shown.sort ? "" : " Unstable first, then by the largest separation.";
-  const part = visible < found ? `, the first ${visible} shown` : "";
-  return `${found} of ${rows.length} contingencies${part}.${order}`;
+function spacer(height) {
+  if (height <= 0) return [];
+  const made = element("tr", null, {class: "spacer", "aria-hidden": "true"});
+  made.style.height = `${height}px`;
+  return [made];
 }
-function tableRow(row) {
-  const made = element("tr", null, {"data-number": row.number});
+// Scroll until a contingency is seen, if the table has it.
+function reveal(number) {
+  const place = shown.found.findIndex(row => row.number === number);
+  if (place < 0) return;
+  const box = at("scroll"), height = rowHeight(), head = at("heads").getBoundingClientRect().height;
+  if (place * height < box.scrollTop) box.scrollTop = place * height;
+  else if ((place + 1) * height + head > box.scrollTop + box.clientHeight) {
+    box.scrollTop = (place + 1) * height + head - box.clientHeight;
+  }
+  drawRows();
+}
+function caption(found) {
+  if (!rows.length) return "No contingency has a result yet.";
+  const then = record.criteria ? "then those that violate criteria, then by" : "then by";
+  const order = shown.sort ? "" : ` Unstable first, ${then} the largest separation.`;
+  return `${found} of ${rows.length} contingencies.${order}`;
+}
+function tableRow(row, place) {
+  const made = element("tr", null, {"data-number": row.number, "aria-rowindex": place + 2});
   for (const column of columns) made.append(cell(row, column));
   made.addEventListener("click", event => { if (!event.target.closest("a")) choose(row.number); });
   return made;
@@ -253,16 +339,25 @@ function tableRow(row) {
 function cell(row, column) {
   const value = valueOf(row, column.field);
   if (column.field === "name") {
-    const made = element("th", null, {scope: "row", class: "text"});
-    made.append(element("a", value, {href: "#" + row.number}));
+    const made = element("th", null, {scope: "row", class: "text", title: value});
+    const link = element("a", value, {href: "#" + row.number, class: "lines"});
+    made.append(link);
     return made;
   }
   if (column.field === "verdict") {
     const made = element("td", null, {class: `text verdict-word ${value}`});
     return withSign(made, value, value);
   }
+  if (column.field === "violations") return violatedCell(row);
   if (column.text) return element("td", value ?? "", {class: "text"});
   return element("td", tableFigure(row, column, value));
+}
+function violatedCell(row) {
+  if (violates(row)) {
+    const made = element("td", null, {class: "text violating", title: row.violated});
+    return withSign(made, "violating", violatedBy(row).join(", "));
+  }
+  return element("td", row.not_judged ? "○" : "", {class: "text soft", title: row.not_judged ? `not judged: ${row.not_judged}` : ""});
 }
 function tableFigure(row, column, value) {
   if (!known(value)) return "";
@@ -274,30 +369,42 @@ function tableFigure(row, column, value) {
 function chips() {
   const counts = record.counts;
   const all = {all: rows.length, stable: counts.stable, unstable: counts.unstable, failed: counts.failed};
+  if (known(counts.violating)) all.violating = counts.violating;
   for (const [verdict, count] of Object.entries(all)) {
-    const button = element("button", null, {type: "button", "data-verdict": verdict,
-      "aria-pressed": String(verdict === "all"), class: verdict});
-    if (verdict === "all") button.append(`all ${count}`);
-    else withSign(button, verdict, `${verdict} ${count}`);
-    button.addEventListener("click", () => {
-      shown.verdict = verdict;
-      for (const other of at("chips").children) {
-        other.setAttribute("aria-pressed", String(other.dataset.verdict === verdict));
-      }
-      fill();
-    });
-    at("chips").append(button);
+    const words = verdict === "all" ? `all ${count}` : `${verdict === "violating" ? "violate criteria" : verdict} ${count}`;
+    chip("chips", verdict, words);
   }
+  at("criteria-chips").hidden = !record.criteria;
+  for (const [k, name] of (record.criteria?.names ?? []).entries()) {
+    const count = rows.filter(row => violatedBy(row).includes(k + 1)).length;
+    chip("criteria-chips", String(k + 1), `${k + 1} ${name}: ${count}`);
+  }
+}
+function chip(group, verdict, words) {
+  const button = element("button", null, {type: "button", "data-verdict": verdict,
+    "aria-pressed": String(verdict === "all"), class: verdict});
+  if (VERDICTS[verdict] || verdict === "violating") withSign(button, verdict, words);
+  else button.append(words);
+  button.addEventListener("click", () => {
+    shown.verdict = verdict;
+    for (const other of document.querySelectorAll(".chips button")) {
+      other.setAttribute("aria-pressed", String(other.dataset.verdict === verdict));
+    }
+    fill();
+  });
+  at(group).append(button);
 }
 function arrows(event) {
   const step = {ArrowDown: 1, ArrowUp: -1}[event.key];
   const link = event.target.closest?.("tbody a");
   if (!step || !link) return;
-  const next = link.closest("tr")[step > 0 ? "nextElementSibling" : "previousElementSibling"];
+  const now = shown.found.findIndex(row => row.number === Number(link.closest("tr").dataset.number));
+  const next = shown.found[now + step];
   if (!next) return;
   event.preventDefault();
-  next.querySelector("a").focus();
-  choose(Number(next.dataset.number), false);
+  reveal(next.number);
+  at("body").querySelector(`tr[data-number="${next.number}"] a`).focus();
+  choose(next.number, false);
 }
 
 // ---- the selected contingency --------------------------------------------------------------------
@@ -319,18 +426,22 @@ function select(number, show) {
   title.replaceChildren(`No. ${number}: ${row.name} — `);
   const verdict = verdictOf(row), span = element("span", null, {class: verdict});
   title.append(withSign(span, verdict, verdict));
+  if (violates(row)) title.append(", ", withSign(element("span", null, {class: "violating"}), "violating", VIOLATING.word));
   say("selected-events", events.words.join("; ") + ".");
   say("selected-reason", sentence(row));
+  reveal(number);
   markRow();
+  criteria(row);
   overlays(number);
   drawCurves(number);
+  timeline(row);
   figures(row);
   drawMap(events);
   const narrow = window.matchMedia("(max-width: 900px)").matches;
   if (show && narrow) at("selected").scrollIntoView({block: "start"});
 }
 function markRow() {
-  for (const line of at("body").children) {
+  for (const line of at("body").querySelectorAll("tr[data-number]")) {
     const chosen = Number(line.dataset.number) === shown.chosen;
     line.classList.toggle("chosen", chosen);
     const link = line.querySelector("a");
@@ -338,9 +449,67 @@ function markRow() {
   }
 }
 function sentence(row) {
+  return [verdictSentence(row), criteriaSentence(row)].filter(Boolean).join(" ");
+}
+function verdictSentence(row) {
   if (row.stable) return `Synchronism is kept until the end of the run at ${short(row.ended_at, 3)} s.`;
   const reason = row.reason || row.status;
-  return reason.charAt(0).toUpperCase() + reason.slice(1) + ".";
+  const words = [reason.charAt(0).toUpperCase() + reason.slice(1) + "."];
+  if (row.status === "lost synchronism" && known(row.largest_angle_deg)) {
+    words.push(`It was ${fixed(Math.abs(row.largest_angle_deg), 1)}° from the centre of inertia of its island then; the limit is ${short(record.angle_limit_deg, 1)}°.`);
+  }
+  if (record.curves[row.number]?.outside.includes(row.critical_machine)) words.push("It lies outside the study area.");
+  return words.join(" ");
+}
+function findings(row) {
+  const found = record.criteria?.found[row.number];
+  if (!found) return [];
+  return found.map(([verdict, margin, unit, time, told, notes], k) =>
+    ({name: record.criteria.names[k], verdict, margin, unit, time, told, notes}));
+}
+function criteriaSentence(row) {
+  const all = findings(row);
+  if (!all.length) return "";
+  const violated = all.filter(item => item.verdict === "violated");
+  const open = all.filter(item => item.verdict === "not judged").length;
+  const near = [row.close, record.criteria.close[row.number]].filter(Boolean).join("; ");
+  const words = [violated.length
+    ? `The run violates ${violated.length} of ${many(all.length, "criterion").replace(/criterions$/, "criteria")}: ${violated.map(item => item.name).join("; ")}.`
+    : `None of ${many(all.length, "criterion").replace(/criterions$/, "criteria")} is violated.`];
+  if (open) words.push(`${open} could not be judged.`);
+  if (near) words.push(`The error of the reduced model could turn: ${near}.`);
+  return words.join(" ");
+}
+const KEPT = {kept: "✓", violated: VIOLATING.sign, "not judged": "○"};
+function criteria(row) {
+  const all = findings(row);
+  at("criteria").hidden = !all.length;
+  at("criteria-body").replaceChildren(...all.map(item => {
+    const made = element("tr", null, {class: item.verdict === "violated" ? "violating" : ""});
+    const verdict = element("td", null, {class: "text verdict-word"});
+    verdict.append(element("span", KEPT[item.verdict], {class: "sign", "aria-hidden": "true"}), item.verdict);
+    const margin = known(item.margin) ? `${item.margin > 0 ? "+" : ""}${Number(item.margin.toPrecision(3))} ${item.unit}` : "";
+    made.append(element("th", item.name, {scope: "row", class: "text"}), verdict, element("td", margin),
+      element("td", [item.told, ...item.notes].join("; "), {class: "text"}));
+    return made;
+  }));
+}
+// What happened, in order of time.
+function timeline(row) {
+  const marks = row.notices ? JSON.parse(row.notices).map(([time, words]) => [time, words]) : [];
+  const mark = (time, words) => { if (known(time)) marks.push([time, words]); };
+  if (known(row.largest_separation_deg)) mark(row.separation_at, `largest separation of two rotor angles, ${fixed(row.largest_separation_deg, 1)}°`);
+  if (known(row.lowest_voltage)) mark(row.lowest_voltage_at, `lowest voltage after the last event, ${fixed(row.lowest_voltage, 3)} p.u. at bus ${busName(row.lowest_voltage_bus)}`);
+  if (known(row.nadir_hz)) mark(row.nadir_at, `lowest frequency, ${fixed(row.nadir_hz, 3)} Hz`);
+  for (const item of findings(row)) if (item.verdict === "violated") mark(item.time, `violated: ${item.name}`);
+  mark(row.ended_at, row.stable ? "end of the run" : row.reason ?? row.status);
+  marks.sort((a, b) => a[0] - b[0]);
+  at("timeline-part").hidden = !marks.length;
+  at("timeline").replaceChildren(...marks.map(([time, words]) => {
+    const line = element("li");
+    line.append(element("b", `${short(time, 4)} s`), " ", words);
+    return line;
+  }));
 }
 
 function figures(row) {
@@ -349,12 +518,13 @@ function figures(row) {
   const time = (value, digits = 2) => known(value) ? `, at ${short(value, digits)} s` : "";
   const bus = value => known(value) ? ` at bus ${busName(value)}` : "";
   add("Critical machine", row.critical_machine, () => machineName(row.critical_machine));
-  add("Largest swing from the centre of inertia", row.largest_swing_deg, () => `${fixed(row.largest_swing_deg, 1)}°`);
-  add("Largest separation", row.largest_separation_deg, () => `${fixed(row.largest_separation_deg, 1)}°${time(row.separation_at)}`);
+  add("Its largest angle from the centre of inertia", row.largest_angle_deg, () => `${fixed(row.largest_angle_deg, 1)}°`);
+  add("Largest change of that angle since the start", row.largest_angle_change_deg, () => `${fixed(row.largest_angle_change_deg, 1)}°`);
+  add("Largest separation of two rotor angles", row.largest_separation_deg, () => `${fixed(row.largest_separation_deg, 1)}°${time(row.separation_at)}`);
   add("Lowest voltage after the last event", row.lowest_voltage, () => `${fixed(row.lowest_voltage, 3)} p.u.${bus(row.lowest_voltage_bus)}${time(row.lowest_voltage_at)}`);
   add("Highest voltage after the last event", row.highest_voltage, () => `${fixed(row.highest_voltage, 3)} p.u.${bus(row.highest_voltage_bus)}${time(row.highest_voltage_at)}`);
-  add("Lowest frequency", row.nadir_hz, () => `${fixed(row.nadir_hz, 3)} Hz${time(row.nadir_at)}`);
-  add("Highest frequency", row.highest_hz, () => `${fixed(row.highest_hz, 3)} Hz`);
+  add("Lowest frequency of an island", row.nadir_hz, () => `${fixed(row.nadir_hz, 3)} Hz${time(row.nadir_at)}`);
+  add("Highest frequency of an island", row.highest_hz, () => `${fixed(row.highest_hz, 3)} Hz`);
   add("Islands at the end", row.islands, () => row.islands !== 1 || row.lost_load_mw
     ? `${row.islands}, ${fixed(row.islanded_mw, 1)} MW of generation outside the largest, ${fixed(row.lost_load_mw, 1)} MW of load lost` : "");
   add("Dominant swing", row.swing_hz, () => `${fixed(row.swing_hz, 2)} Hz`
@@ -366,7 +536,6 @@ function figures(row) {
     .map(model => `${model} ${short(row[model + "_s"], 3)} s`).join(", "));
   add("Time on the machine", row.wall_s, () => `${row.wall_s.toPrecision(2)} s`
     + (known(row.wall_check_s) ? `, of that ${row.wall_check_s.toPrecision(2)} s for the check` : ""));
-  add("Notices", row.notices, () => noticeWords(row.notices));
   definitions("figures", pairs.map(([term, text]) => [term, text()]).filter(([, text]) => text));
 }
 function definitions(id, pairs) {
@@ -388,10 +557,6 @@ function checkedWords(row) {
   const ended = row.checked.replaceAll("_", " ");
   return ended === row.status ? `same verdict: ${ended}` : `another verdict: ${ended}`;
 }
-function noticeWords(text) {
-  return JSON.parse(text).map(([time, words]) => `${short(time, 4)} s: ${words}`).join("; ");
-}
-
 // ---- curves --------------------------------------------------------------------------------------
 
 const wanted = {run: true, detailed: true, linear: false};
@@ -423,7 +588,8 @@ function overlays(number) {
 }
 function drawCurves(number) {
   const curves = record.curves[number], row = byNumber.get(number);
-  drawWatched(number, curves?.watched, row);
+  drawPanels("watched", number, curves?.watched, row);
+  drawPanels("decided", number, curves?.decided, row);
   at("curves-figure").hidden = at("models").hidden = !curves;
   if (!curves) {
     say("curves-note", row.stable === null ? "There are no curves: the contingency could not be simulated."
@@ -439,10 +605,14 @@ function drawCurves(number) {
   const bands = modelBands(curves, end);
   const traces = [...angleTraces(curves, runs, chosen, row), ...bandTraces(bands)];
   if (curves.error) traces.push(errorTrace(curves, runs.run.times));
-  draw("curves", traces, curvesLayout(last, number, Boolean(curves.error)));
+  const listed = traces.filter(trace => trace.showlegend).length;
+  draw("curves", traces, curvesLayout(last, number, Boolean(curves.error), row, listed));
   at("curves").setAttribute("aria-label", `Rotor angles, active model and error of ${row.name}`);
-  say("curves-caption", "Rotor angles of the study area against the centre of inertia, the model in use"
-    + (curves.error ? ", and the largest error of a rotor angle against the detailed run." : ".")
+  const area = record.map.buses.some(bus => bus.study) ? "Rotor angles of the study area" : "Rotor angles";
+  const further = curves.outside.length ? `, and of machines outside it that decided (${curves.outside.map(machineName).join(", ")}),` : "";
+  say("curves-caption", `${area}${further} against the centre of inertia, and the model in use`
+    + (curves.error ? "; below, the largest error of a rotor angle against the detailed run." : ".")
+    + (row.status === "lost synchronism" ? " Dotted: the limit from which synchronism is lost." : "")
     + (record.events[number].faults.length ? " Grey band: the fault is on." : "")
     + (curves.units.length > TOLD_APART ? ` Thin grey: machines beyond the ${TOLD_APART} that swing most.` : ""));
   say("curves-note", curves.error ? "" : row.checked ? "The detailed run ended at another time, so there is no error over time."
@@ -468,7 +638,7 @@ function angleTraces(curves, runs, chosen, row) {
       const style = RUNS[name], marked = apart && index === 0;
       traces.push({
         type: "scatter", mode: marked ? "lines+markers" : "lines", x: runs[name].times, y: runs[name].machines[k],
-        name: plain(unit) + (critical ? " critical" : ""), legendgroup: unit, showlegend: marked, legendrank: place,
+        name: plain(unit) + (critical ? " critical" : "") + (curves.outside.includes(unit) ? " outside" : ""), legendgroup: unit, showlegend: marked, legendrank: place,
         line: {color, dash: style.dash, width: apart ? style.width + (critical ? 1 : 0) : 1},
         marker: {symbol: SYMBOLS[place % SYMBOLS.length], size: 7, color, maxdisplayed: 8},
         hovertemplate: `machine ${plain(machineName(unit))}, ${style.label}<br>%{y:.1f}° at %{x:.2f} s<extra></extra>`,
@@ -501,13 +671,15 @@ function errorTrace(curves, times) {
     name: "error", line: {color: INK, width: 1.5},
     hovertemplate: "largest error %{y:.2f}° at %{x:.2f} s<extra></extra>"};
 }
-function curvesLayout(last, number, error) {
-  const height = error ? 590 : 480, usable = height - 110;
+function curvesLayout(last, number, error, row, listed) {
+  // Room for the legend above: so many lines of entries of some 110 pixels, and the buttons.
+  const top = 34 + 19 * Math.ceil(110 * listed / Math.max(200, at("curves").clientWidth - 66));
+  const usable = error ? 480 : 370, height = usable + 50 + top;
   // Heights in pixels, from below: error, model, angles.
   const below = error ? 100 / usable : 0, gap = 26 / usable, strip = 66 / usable;
   const start = error ? below + gap : 0;
   const layout = {
-    height, margin: {l: 56, r: 10, t: 60, b: 40}, barmode: "overlay",
+    height, margin: {l: 56, r: 10, t: top, b: 40}, barmode: "overlay",
     legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: {size: 11}, tracegroupgap: 0},
     xaxis: axis("time (s)", {range: [0, last * 1.005 || 1], anchor: error ? "y3" : "y2"}),
     yaxis: axis("rotor angle (deg)", {domain: [start + strip + gap, 1]}),
@@ -516,6 +688,9 @@ function curvesLayout(last, number, error) {
     shapes: record.events[number].faults.map(([x0, x1]) => ({type: "rect", yref: "paper", y0: 0, y1: 1,
       x0, x1: Math.min(x1, last), fillcolor: "#8b949e", opacity: 0.25, line: {width: 0}, layer: "below"})),
   };
+  if (row.status === "lost synchronism") {
+    for (const sign of [-1, 1]) layout.shapes.push(limitLine("y", sign * record.angle_limit_deg));
+  }
   if (error) layout.yaxis3 = axis("error (deg)", {domain: [0, below], rangemode: "tozero", nticks: 4});
   if (!["detailed", "hybrid", "linear", "adaptive", "whole"].includes(record.kind)) {
     layout.yaxis2 = {...layout.yaxis2, categoryarray: undefined, range: undefined};
@@ -523,19 +698,28 @@ function curvesLayout(last, number, error) {
   return layout;
 }
 
-// ---- what is watched -----------------------------------------------------------------------------
+function limitLine(yref, value) {
+  return {type: "line", xref: "paper", x0: 0, x1: 1, yref, y0: value, y1: value, line: {color: SOFT, width: 1.2, dash: "dot"}};
+}
+
+// ---- what is watched, and what decided -----------------------------------------------------------------------------
 
 const PANEL = 190, BETWEEN = 46;
 
-function drawWatched(number, watched, row) {
-  at("watched-figure").hidden = !watched;
-  if (!watched) return;
-  const times = record.times[watched.times], count = watched.panels.length;
-  const traces = watched.panels.flatMap((panel, k) => panelTraces(panel, k, times));
-  draw("watched", traces, watchedLayout(watched.panels, times, number, count));
-  at("watched").setAttribute("aria-label", `What was watched of ${row.name}`);
-  say("watched-caption", `Watched: ${watched.panels.map(panel => panel.axis).join(", ")}.`
-    + (watched.left_out ? ` ${watched.left_out} curves that move less are left out.` : ""));
+const PANEL_WORDS = {
+  watched: ["Watched", watched => watched.left_out ? ` ${watched.left_out} curves that move less are left out.` : "", "What was watched of"],
+  decided: ["What decided", () => " Dotted: what it is held against.", "What decided about"],
+};
+
+function drawPanels(id, number, found, row) {
+  at(`${id}-figure`).hidden = !found;
+  if (!found) return;
+  const times = record.times[found.times], count = found.panels.length;
+  const traces = found.panels.flatMap((panel, k) => panelTraces(panel, k, times));
+  draw(id, traces, watchedLayout(found.panels, times, number, count));
+  const [title, further, label] = PANEL_WORDS[id];
+  at(id).setAttribute("aria-label", `${label} ${row.name}`);
+  say(`${id}-caption`, `${title}: ${found.panels.map(panel => panel.axis).join(", ")}.${further(found)}`);
 }
 function panelTraces(panel, k, times) {
   const values = samples(panel), suffix = k ? k + 1 : "";
@@ -557,6 +741,9 @@ function watchedLayout(panels, times, number, count) {
   layout.xaxis = axis("time (s)", {range: [0, last * 1.005 || 1], anchor: `y${count > 1 ? count : ""}`});
   layout.shapes = record.events[number].faults.map(([x0, x1]) => ({type: "rect", yref: "paper", y0: 0, y1: 1,
     x0, x1: Math.min(x1, last), fillcolor: "#8b949e", opacity: 0.25, line: {width: 0}, layer: "below"}));
+  for (const [k, panel] of panels.entries()) {
+    layout.shapes.push(...(panel.limits ?? []).map(value => limitLine(`y${k ? k + 1 : ""}`, value)));
+  }
   return layout;
 }
 
@@ -740,6 +927,8 @@ function provenance() {
 // In print every figure has the width of the paper, and what is folded is open.
 let unfolded = [];
 function beforePrint() {
+  shown.all = true;
+  drawRows(true);
   unfolded = [...document.querySelectorAll("details:not([open])")];
   for (const folded of unfolded) folded.open = true;
   for (const plot of document.querySelectorAll(".js-plotly-plot")) {
@@ -748,6 +937,8 @@ function beforePrint() {
   }
 }
 function afterPrint() {
+  shown.all = false;
+  drawRows(true);
   for (const folded of unfolded) folded.open = false;
   for (const plot of document.querySelectorAll(".js-plotly-plot")) {
     Plotly.relayout(plot, {width: null, autosize: true});
@@ -755,7 +946,9 @@ function afterPrint() {
 }
 function start() {
   header();
+  widths();
   heads();
+  rowLines();
   chips();
   fill();
   mapCaption();
@@ -763,7 +956,8 @@ function start() {
   clearing();
   spreads();
   at("filter").addEventListener("input", event => { shown.text = event.target.value; fill(); });
-  at("more").addEventListener("click", () => { shown.limit = Infinity; fill(); });
+  at("scroll").addEventListener("scroll", () => drawRows(), {passive: true});
+  window.addEventListener("resize", () => { rowLines(); drawRows(true); });
   at("table").addEventListener("keydown", arrows);
   document.querySelector(".skip").addEventListener("click", event => {
     event.preventDefault();

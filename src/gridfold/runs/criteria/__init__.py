@@ -1,0 +1,6 @@
+"""Runs held against criteria: what is kept, what is violated, and by how much."""
+
+from gridfold.runs.criteria.finding import Finding, Verdict
+from gridfold.runs.criteria.judge import judge
+
+__all__ = ["Finding", "Verdict", "judge"]
