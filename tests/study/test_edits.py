@@ -54,6 +54,6 @@ def test_an_edit_that_is_wrong_is_told_with_its_number(folder):
 def test_a_study_tells_its_edits(tmp_path):
     notices = ["edited: genrou 101:1: inertia 6.5 -> 4", "something else"]
     with new_store(tmp_path / "s", case_notices=notices) as store:
-        assert study_facts(store)["Edits (1)"] == "genrou 101:1: inertia 6.5 -> 4"
+        assert study_facts(store)["Edits (1)"].plain == "genrou 101:1: inertia 6.5 -> 4"
     with new_store(tmp_path / "t", case_notices=notices[1:]) as store:
         assert not any(name.startswith("Edits") for name in study_facts(store))
