@@ -66,8 +66,12 @@ def draw_curves(shown: Sequence[Difference]) -> None:
     figure = new_figure(*SIZE)
     for axes, one in zip(figure.subplots(LINES, COLUMNS).flat, shown, strict=True):
         rows = _thinned(one)
-        axes.plot(one.times[rows], one.reference[rows], color="#b0c8e0", linewidth=3, label="reference")
-        axes.plot(one.times[rows], one.ours[rows], color=PALETTE[1], linewidth=0.9, label="gridfold")
+        axes.plot(
+            one.times[rows], one.reference[rows], color="#b0c8e0", linewidth=3, label="reference"
+        )
+        axes.plot(
+            one.times[rows], one.ours[rows], color=PALETTE[1], linewidth=0.9, label="gridfold"
+        )
         axes.set_title(f"{one.case}\n{one.column}", fontsize="x-small")
         axes.tick_params(labelsize="x-small")
         axes.ticklabel_format(useOffset=False)
