@@ -1,7 +1,8 @@
 """gridfold beside trajectories that PSS/E computed: what is compared, and the limits.
 
-The references are those of the benchmark folder of PowerSimulationsDynamics.jl, a folder a case below the
-folder of public cases (GRIDFOLD_CASES); tests and ``benchmarks/peers/compare_psse.py`` share this file.
+The references are those of the benchmark folder of PowerSimulationsDynamics.jl, a folder a case below
+the folder of public cases (GRIDFOLD_CASES); tests and
+``benchmarks/peers/compare_psse.py`` share this file.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ EVENT, AROUND = 1.0, 0.0151
 #: What PSS/E is compared over, in s, and gridfold's step.
 T_END, STEP = 20.0, 0.005
 
-#: Largest difference that is allowed: by kind of column, and for others as part of the reference's range.
+#: Largest difference that is allowed: by kind of column, for others as part of the reference's range.
 ALLOWED = {"angle_deg": 0.02, "voltage_deg": 0.02, "voltage_pu": 2e-4, "p_pu": 5e-3, "q_pu": 5e-3}
 PART_OF_RANGE = 0.01
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from beside_psse import ALLOWED, PART_OF_RANGE, STEP, STUDIES, Difference, compare, reference_path
-from psse_causes import cause_table, exciter_table
 from matplotlib.figure import Figure
 from PIL import Image
+from psse_causes import cause_table, exciter_table
 from report import GENERATED, Table, machine, one_thread, write
 
 from gridfold.report.style import PALETTE, new_figure, save_figure

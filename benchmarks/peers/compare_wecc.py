@@ -53,7 +53,8 @@ class Agreement:
 
 
 HEADS = (
-    "as in ANDES", "angle, RMS", "RMS, worst machine", "angle, largest", "P", "Q", "P, early", "Q, early",
+    "as in ANDES", "angle, RMS", "RMS, worst machine", "angle, largest",
+    "P", "Q", "P, early", "Q, early",
 )  # fmt: skip
 
 
@@ -117,9 +118,9 @@ def measure(home: Path) -> tuple[Table, Agreement]:
             found[name] = compare(theirs, run)
     rows = [(name, *one.row) for name, one in found.items()]
     caption = (
-        f"{len(theirs['converters'])} converters and {len(run.model.machines)} machines; a fault at bus {BUS} "
-        f"for {DURATION * 1e3:g} ms, and {AFTER:g} s after it. Angles in degrees, powers over the rating, "
-        f"from {SETTLED:g} s after the clearing on and, as *early*, before:"
+        f"{len(theirs['converters'])} converters and {len(run.model.machines)} machines; a fault at "
+        f"bus {BUS} for {DURATION * 1e3:g} ms, and {AFTER:g} s after it. Angles in degrees, powers "
+        f"over the rating, from {SETTLED:g} s after the clearing on and, as *early*, before:"
     )
     return Table(caption, HEADS, rows), next(iter(found.values()))
 

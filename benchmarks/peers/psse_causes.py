@@ -135,8 +135,8 @@ def exciter_table(found: dict[str, tuple[Difference, ...]]) -> Table:
         rows.append((f"{delay * 1e3:g} ms", f"{np.abs(error).max():.3f}"))
     return Table(
         "EXST1 alone, driven by the terminal voltage of PSS/E: largest difference of the field voltage "
-        f"below its ceiling from {SETTLED:g} s after the event on, when the exciter sees the voltage late "
-        "by",
+        f"below its ceiling from {SETTLED:g} s after the event on, when the exciter sees the voltage "
+        "late by",
         ("delay", "difference, p.u."),
         rows,
     )

@@ -2,9 +2,10 @@
 
 Each is a change of the files, so that both programs read the same:
 
-- the voltage set point of every generator is the stored voltage of its bus: ANDES starts from set points;
-- REGCA1 has no low-voltage power logic (Lvplsw = 0) and no limit of the recovery of power (Rrpwr), which
-  ANDES takes on the system base;
+- the voltage set point of every generator is the stored voltage of its bus: ANDES starts from set
+  points;
+- REGCA1 has no low-voltage power logic (Lvplsw = 0) and no limit of the recovery of power (Rrpwr),
+  which ANDES takes on the system base;
 - REPCA1 controls no active power (Fflag = 0): ANDES measures none where a record names no branch;
 - there are no IEEEST.
 """
