@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml setup.py $(shell find src -name '*.py*' -not -name '*.pyc' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-polish bench-low-rank bench-auto bench-batch clean
+.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-psse bench-public bench-polish bench-low-rank bench-auto bench-batch clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -44,8 +44,17 @@ bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run_all.py
 
 # gridfold beside other tools, on the cases that GRIDFOLD_CASES names.
-bench-peers: $(VENV)/.dev $(PEERS)/.ready
+bench-peers: bench-psse $(PEERS)/.ready
 	PYTHONPATH=benchmarks $(BIN)/python benchmarks/peers/compare_andes.py
+	PYTHONPATH=benchmarks $(BIN)/python benchmarks/peers/compare_wecc.py
+
+# The same for trajectories of PSS/E alone, which needs no other tool.
+bench-psse: $(VENV)/.dev
+	PYTHONPATH=tests:benchmarks $(BIN)/python benchmarks/peers/compare_psse.py
+
+# Five public cases: start, rest, fault, trip and time.
+bench-public: $(VENV)/.dev
+	$(BIN)/python benchmarks/public_cases.py
 
 # Reduced models of a grid of 327 machines, from the cases that GRIDFOLD_CASES names.
 bench-polish: $(VENV)/.dev

@@ -9,6 +9,7 @@ import error_sweeps
 import implicit_rule
 import network_backends
 import psse_cases
+import public_cases
 import reduced_models
 import retained_machines
 import second_case
@@ -40,6 +41,7 @@ def main() -> None:
         retained_machines.main,
         verdicts.main,
         psse_cases.main,
+        public_cases.main,
         start.main,
     )
     for page in pages:

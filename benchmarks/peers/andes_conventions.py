@@ -41,10 +41,10 @@ def field_times_speed(x, u, p, y, dx):
 
 
 #: Mechanical torque where PSS/E has mechanical power.
-TORQUE_GENROU = replace(GENROU, derivative=torque_derivative)
+TORQUE_GENROU = replace(GENROU, derivative=torque_derivative, replaces_built_in=True)
 
 #: Limits of the regulator that do not follow the terminal voltage: PSS/E has them in IEEEX1.
-FIXED_EXDC2 = replace(IEEEX1, model=EXDC2.model)
+FIXED_EXDC2 = replace(IEEEX1, model=EXDC2.model, replaces_built_in=True)
 
 #: Fixed limits, and a field voltage in proportion to the speed.
 SPEEDY_EXDC2 = replace(

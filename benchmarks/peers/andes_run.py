@@ -69,6 +69,18 @@ def machines(system: Any) -> dict[str, Any]:
     return found
 
 
+def converters(system: Any) -> dict[str, Any]:
+    """Name ``BUS:ID`` of all REGCA1, and where their powers are; in p.u. on the system base."""
+    model = system.REGCA1
+    ids = system.StaticGen.get("subidx", list(model.gen.v)) if model.n else []
+    pairs = zip(model.bus.v if model.n else (), ids, strict=True)
+    return {
+        "names": [f"{bus}:{unit_id(name)}" for bus, name in pairs],
+        "active_at": list(model.Pe.a) if model.n else [],
+        "reactive_at": list(model.Qe.a) if model.n else [],
+    }
+
+
 def simulate(options: argparse.Namespace) -> dict[str, Any]:
     """Load, start and simulate; what goes into the archive, with CPU seconds."""
     began = time.process_time()
@@ -78,8 +90,8 @@ def simulate(options: argparse.Namespace) -> dict[str, Any]:
     ready = time.process_time()
     completed = system.TDS.run(no_summary=True)
     done = time.process_time()
-    found = machines(system)
-    states = np.asarray(system.dae.ts.x)
+    found, sources = machines(system), converters(system)
+    states, outputs = np.asarray(system.dae.ts.x), np.asarray(system.dae.ts.y)
     return {
         "completed": bool(completed),
         "setup_seconds": ready - began,
@@ -89,6 +101,9 @@ def simulate(options: argparse.Namespace) -> dict[str, Any]:
         "inertia": np.array(found["inertia"]),
         "angles": states[:, found["angle_at"]],
         "speeds": states[:, found["speed_at"]],
+        "converters": np.array(sources["names"], dtype=str),
+        "active": outputs[:, sources["active_at"]],
+        "reactive": outputs[:, sources["reactive_at"]],
     }
 
 

@@ -17,7 +17,6 @@ from report import ROOT
 
 from gridfold import AngleReference, BusFault, DetailedModel, build_model, simulate
 from gridfold.dynamics.device import Device
-from gridfold.dynamics.registry import DEVICES
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.loading import load_psse
 
@@ -123,7 +122,7 @@ def run_andes(
     numbers = [f"--t-end={t_end}", f"--step={step!r}"]
     if tolerance is not None:
         numbers.append(f"--tolerance={tolerance}")
-    found = _call_andes(home, study, numbers)
+    found = call_andes(home, study, numbers)
     if not found["completed"]:
         raise RuntimeError(f"ANDES {found['version']} has not completed {study} at {step} s")
     angles, inertia = np.rad2deg(found["angles"]), found["inertia"]
@@ -138,10 +137,10 @@ def run_andes(
 
 def andes_eigenvalues(home: Path, study: Study) -> NDArray[np.complex128]:
     """Eigenvalues at the operating point, from ANDES."""
-    return np.asarray(_call_andes(home, study, ["--eigenvalues"])["eigenvalues"])
+    return np.asarray(call_andes(home, study, ["--eigenvalues"])["eigenvalues"])
 
 
-def _call_andes(home: Path, study: Study, options: Sequence[str]) -> dict[str, Any]:
+def call_andes(home: Path, study: Study, options: Sequence[str]) -> dict[str, Any]:
     """Run the script; the generated code of ANDES lies in its environment, as its home."""
     raw, dyr = study.paths
     numbers = [
@@ -168,8 +167,7 @@ def _call_andes(home: Path, study: Study, options: Sequence[str]) -> dict[str, A
 
 def build(study: Study, changed: Sequence[Device] = ()) -> DetailedModel:
     """Read the files and build the model, with some devices changed."""
-    devices = DEVICES | {device.model: device for device in changed}
-    return build_model(load_psse(*study.paths).case, devices=devices)
+    return build_model(load_psse(*study.paths).case, devices=tuple(changed))
 
 
 def run_gridfold(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gridfold.dynamics.compensators.ieeevc import IEEEVC
+from gridfold.dynamics.converters.dera1 import DERA1
 from gridfold.dynamics.converters.reeca1 import REECA1
 from gridfold.dynamics.converters.reecb1 import REECB1
 from gridfold.dynamics.converters.regca1 import REGCA1
@@ -128,6 +129,7 @@ _ALL = (
     STAB1,
     STAB2A,
     REGCA1,
+    DERA1,
     REECA1,
     REECB1,
     REPCA1,
