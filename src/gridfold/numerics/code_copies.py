@@ -65,7 +65,7 @@ class CodeCopies:
 def used_names(function: Any) -> set[str]:
     """Names of the globals that a function uses."""
     used = {name for code in codes(function.__code__) for name in code.co_names}
-    return used & function.__globals__.keys()
+    return {name for name in used if name in function.__globals__}
 
 
 def codes(code: Any) -> list[Any]:

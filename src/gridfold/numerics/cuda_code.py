@@ -106,7 +106,7 @@ def _unknown(function: Any, seen: set[int]) -> Iterator[str]:
     for name, value in values.items():
         if isinstance(value, Dispatcher):
             yield from _unknown(value.py_func, seen)
-        elif not _is_constant(value) and value is not np and value is not math:
+        elif not _is_constant(value) and value not in (np, math, *_NUMBERS.values()):
             yield name
 
 

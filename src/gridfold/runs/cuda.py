@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +45,8 @@ from gridfold.runs.trajectory import Trajectory
 
 #: Bytes of a block of threads' shared memory, and threads that it has at most.
 _SHARED, _THREADS = 48 * 1024, 256
+#: Buses with machines up to which a full matrix of impedances is right.
+_TERMINALS = 400
 #: Bytes that what is kept of the runs of one launch may take.
 _BYTES = 2**30
 
@@ -54,8 +58,8 @@ def why_not_on_gpu(model: DetailedModel, stepper: Stepper) -> str | None:
         return single
     if not isinstance(stepper, RungeKutta4):
         return f"the method {stepper.name} is not made for GPUs; rk4 is"
-    if _vector_bytes(model, LARGEST := 24) > _SHARED:
-        return f"more than {_SHARED // 16 - LARGEST} buses have machines"
+    if len(model.layout.terminals) > _TERMINALS:
+        return f"machines stand at more than {_TERMINALS} buses"
     return why_not([block.device for block in model.layout.blocks])
 
 
@@ -215,6 +219,8 @@ class _Launch:
         return VoltageExtreme(float(np.sqrt(found[0])), int(self.on[int(found[1])]), int(found[2]))
 
 
+#: One launch at a time: it fills a GPU.
+_ONE = Lock()
 #: What is read back of the results.
 _READ = ("states_of", "record", "verdict", "end_row", "extremes")
 
@@ -224,12 +230,13 @@ def _vector_bytes(model: DetailedModel, rank: int) -> int:
     return 8 * (2 * len(model.layout.terminals) + 2 * rank + 2)
 
 
-def _call(kernel: object, arrays: Sequence[Array], wanted: Arrays) -> None:
+def _call(kernel: Any, arrays: Sequence[Array], wanted: Arrays) -> None:
     """Start a kernel, and read the arrays that are `wanted` back; the others go one way."""
     from numba import cuda
 
-    there = [cuda.to_device(np.ascontiguousarray(array)) for array in arrays]
-    kernel(*there)  # type: ignore[operator]
-    for array, copy in zip(arrays, there, strict=True):
-        if any(array is item for item in wanted.values()):
-            copy.copy_to_host(array)
+    with _ONE:
+        there = [cuda.to_device(np.ascontiguousarray(array)) for array in arrays]
+        kernel(*there)
+        for array, copy in zip(arrays, there, strict=True):
+            if any(array is item for item in wanted.values()):
+                copy.copy_to_host(array)

@@ -288,7 +288,8 @@ def compiled_step(models: tuple[Model, ...], in_shared: bool) -> Any:
     """The kernel of a combination of device models."""
     from numba import cuda
 
-    return cuda.jit(step_function(models, in_shared))
+    compiled: Any = cuda.jit
+    return compiled(step_function(models, in_shared))
 
 
 def step_function(models: tuple[Model, ...], in_shared: bool) -> Any:
