@@ -71,6 +71,7 @@ _NUMBERS: Mapping[str, Any] = {
 }
 #: Names of ``np`` and ``math`` that a function may use on a GPU.
 KNOWN_NAMES = frozenset(_NUMBERS) | frozenset(_OWN)
+_KNOWN_VALUES = frozenset(map(id, (np, math, *_NUMBERS.values())))
 _BUILT_IN = frozenset({"abs", "float", "int", "len", "max", "min", "range"})
 
 
@@ -106,7 +107,7 @@ def _unknown(function: Any, seen: set[int]) -> Iterator[str]:
     for name, value in values.items():
         if isinstance(value, Dispatcher):
             yield from _unknown(value.py_func, seen)
-        elif not _is_constant(value) and value not in (np, math, *_NUMBERS.values()):
+        elif not _is_constant(value) and id(value) not in _KNOWN_VALUES:
             yield name
 
 

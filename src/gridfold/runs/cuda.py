@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
@@ -92,15 +93,17 @@ def simulate_on_gpu(
     plans = Plans(model, t_end, method, criterion, store)
     launch = _Launch(plans, plans.kept_states(every_state))
     waiting: list[Member] = []
+    size = 0
     for number, events in enumerate(disturbances):
         found = plans.ready(number, tuple(events))
         if not isinstance(found, Member):
             yield number, found
             continue
         waiting.append(found)
-        if launch.is_full(waiting):
+        size += launch.size(found)
+        if size > _BYTES:
             yield from launch.runs(waiting)
-            waiting = []
+            waiting, size = [], 0
     if waiting:
         yield from launch.runs(waiting)
 
@@ -119,14 +122,12 @@ class _Launch:
         units = [len(block.units) for block in model.layout.blocks]
         self.threads = min(max(*units, len(model.layout.terminals)), _THREADS)
 
-    def is_full(self, members: Sequence[Member]) -> bool:
-        """Whether what is kept of the members, and of one more, would be too much."""
-        most = max(len(member.times) for member in members)
+    def size(self, member: Member) -> int:
+        """Bytes that a member takes at most."""
         layout = self.plans.model.layout
-        changes = sum(len(c.buses) for m in members for c in m.changes if c is not None)
-        kept = most * len(self.kept) + 3 * layout.n_states + layout.n_signals
-        network = changes * (4 * len(layout.terminals) + 2 * len(self.on))
-        return 8 * ((len(members) + 1) * kept + network) > _BYTES
+        rank = sum(len(change.buses) for change in member.changes if change is not None)
+        kept = len(member.times) * len(self.kept) + 3 * layout.n_states + layout.n_signals
+        return 8 * (kept + rank * (4 * len(layout.terminals) + 2 * len(self.on)))
 
     def runs(self, members: Sequence[Member]) -> Iterator[tuple[int, Trajectory]]:
         """Step the members, and yield what came of them with their numbers."""
@@ -234,7 +235,8 @@ def _call(kernel: Any, arrays: Sequence[Array], wanted: Arrays) -> None:
     """Start a kernel, and read the arrays that are `wanted` back; the others go one way."""
     from numba import cuda
 
-    with _ONE:
+    with _ONE, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Grid size")  # few runs do not fill a GPU
         there = [cuda.to_device(np.ascontiguousarray(array)) for array in arrays]
         kernel(*there)
         for array, copy in zip(arrays, there, strict=True):
