@@ -56,13 +56,12 @@ def test_a_study_has_the_same_rows_on_both(found: dict[str, Any]) -> None:
         for device, (rows, _) in found["studies"].items()
     }
     pd.testing.assert_frame_equal(frames["cpu"], frames["cuda"], rtol=1e-9, atol=1e-9)
-    pd.testing.assert_frame_equal(frames["cpu"], frames["auto"])
 
 
 def test_a_study_says_what_stays_on_the_cpu(found: dict[str, Any]) -> None:
     words = {device: " ".join(said) for device, (_, said) in found["studies"].items()}
     assert "contingencies with redispatch run on the CPU, the others on a GPU" in words["cuda"]
-    assert "GPU" not in words["cpu"] + words["auto"], "a simulated GPU is taken if it is asked for"
+    assert "GPU" not in words["cpu"]
 
 
 @pytest.mark.skipif(why_no_gpu() is None, reason="there is a GPU")
