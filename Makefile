@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 SOURCES := pyproject.toml setup.py $(shell find src -name '*.py*' -not -name '*.pyc' -o -name '*.csv' -o -name '*.toml' -o -path '*/page/*')
 
-.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-psse bench-public bench-polish bench-low-rank bench-auto bench-batch clean
+.PHONY: demo test test-browser test-matrix fuzz lint docs kill-test bench bench-peers bench-psse bench-public bench-polish bench-low-rank bench-auto bench-batch test-cuda clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gridfold demo
@@ -16,6 +16,11 @@ test: $(VENV)/.dev lint docs
 # The report of a study in a Chromium that is there.
 test-browser: $(VENV)/.dev
 	$(BIN)/pytest tests/browser
+
+# Every kind of event on an NVIDIA GPU against the CPU, and the rate; writes its page. Needs a GPU.
+test-cuda: $(VENV)/.dev
+	$(BIN)/pip install --quiet --editable '.[cuda]'
+	$(BIN)/python benchmarks/cuda.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -53,6 +53,7 @@ MADE_ELSEWHERE = {
     "rhs_families": ("make bench-public", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
+    "cuda": ("make test-cuda", 2),
     "low_rank": ("make bench-low-rank", 2),
     "tolerances": ("python benchmarks/tolerances.py", 3),
     "start": ("python benchmarks/start.py", 3),

@@ -37,7 +37,7 @@ from gridfold.report.study_tables import (
 )
 from gridfold.report.tables import facts_table, shortened
 from gridfold.study import Progress, Stage, Workers, run_study
-from gridfold.study.study_file import json_schema, write_template
+from gridfold.study.study_file import RunsOn, json_schema, write_template
 
 #: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
 _INTERRUPTED = 130
@@ -114,6 +114,13 @@ def run(
             show_default="that of the study",
         ),
     ] = None,
+    device: Annotated[
+        RunsOn | None,
+        _worker_option(
+            help="What contingencies run on; auto: a GPU where one is found.",
+            show_default="that of the study",
+        ),
+    ] = None,
     log_json: Annotated[
         str | None,
         output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
@@ -147,6 +154,7 @@ def run(
             resume=resume,
             retry_failed=retry_failed,
             time_limit=time_limit,
+            device=device,
             workers=workers,
             count=count,
             cluster=cluster,

@@ -6,45 +6,33 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gridfold.dynamics.batch.change import NetworkChange, NetworkChanges
+from gridfold.dynamics.batch.change import NetworkChange
 from gridfold.dynamics.batch.rhs import BatchRhs, batch_rhs
-from gridfold.dynamics.batch.voltages import VoltageExtreme, voltage_observer
+from gridfold.dynamics.batch.voltages import voltage_observer
 from gridfold.dynamics.model import DetailedModel
-from gridfold.errors import GridfoldError, OptionError
+from gridfold.errors import OptionError
 from gridfold.grid.change import Event
 from gridfold.numerics.columns import GOES_ON, NOT_FINITE, Columns, Spread
 from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import AdamsBashforthMoulton4, RungeKutta4, Stepper
-from gridfold.numerics.steppers.base import time_grid
 from gridfold.numerics.watch import SpreadWatch
-from gridfold.runs.extremes import Extreme, VoltageRange
-from gridfold.runs.method import Choice, fit_stepper
-from gridfold.runs.notices import stage_notices
-from gridfold.runs.protection import protection_among
-from gridfold.runs.simulate import ModelStore, SimulationPlan, plan_simulation, simulate
+from gridfold.runs.members import Member, Outcome, Plans
+from gridfold.runs.method import fit_stepper
+from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import (
     DEFAULT_CRITERION,
     SynchronismCriterion,
     angle_frame,
-    share_angle_frame,
 )
-from gridfold.runs.trajectory import Trajectory, UsedModel
-from gridfold.simulation.run import Run
-from gridfold.simulation.segment import Piece, Segment, Stop
-from gridfold.systems.status import Status
+from gridfold.runs.trajectory import Trajectory
+from gridfold.simulation.segment import Stop
 
 #: Runs from which it pays to have them side by side: eight take the time of four.
 FEWEST_TOGETHER = 4
-#: Buses that the events of a member may touch at once; one with more runs by itself.
-LARGEST_RANK = 24
-#: What came of a disturbance: its run, or why there is none.
-Outcome = Trajectory | GridfoldError
 #: What follows in a chain of runs: from its number and the last outcome to the next disturbance.
 Follow = Callable[[int, Outcome], Sequence[Event] | None]
 
@@ -125,14 +113,14 @@ def simulate_chains(
     if every_state:
         check_states(model, t_end, method.stepper.step)
     store = {model.state: model} if store is None else store
-    plans = _Plans(model, t_end, method, criterion, store)
-    ready: deque[_Member] = deque()
+    plans = Plans(model, t_end, method, criterion, store)
+    ready: deque[Member] = deque()
 
     def begin(number: int, events: Sequence[Event] | None) -> Iterator[tuple[int, Outcome]]:
         """Have a disturbance wait for a column; one that runs alone is followed at once."""
         while events is not None:
             found = plans.ready(number, tuple(events))
-            if isinstance(found, _Member):
+            if isinstance(found, Member):
                 ready.append(found)
                 return
             yield number, found
@@ -142,127 +130,18 @@ def simulate_chains(
         yield from begin(number, events)
     if not ready:
         return
-    columns = _SideBySide(model, method, criterion, ready, t_end, every_state, voltages)
+    columns = _SideBySide(plans, ready, every_state, voltages)
     while (ended := columns.next()) is not None:
         yield ended
         if follow is not None:
             yield from begin(ended[0], follow(*ended))
 
 
-@dataclass(frozen=True)
-class _Member:
-    """A disturbance that is ready: rows of its run, and the first and the last of each stage."""
-
-    number: int
-    events: tuple[Event, ...]
-    plan: SimulationPlan
-    models: tuple[DetailedModel, ...]
-    changes: tuple[NetworkChange | None, ...]
-    stops: tuple[tuple[Stop, ...], ...]
-    times: NDArray[np.float64]
-    rows: tuple[tuple[int, int], ...]
-    seconds: float
-
-
-@dataclass
-class _Plans:
-    """Makes members of disturbances."""
-
-    model: DetailedModel
-    t_end: float
-    method: Choice
-    criterion: SynchronismCriterion | None
-    store: ModelStore
-
-    def __post_init__(self) -> None:
-        self._changes = NetworkChanges(self.model.equations)
-        self._stops = () if self.criterion is None else self.criterion.stops(self.model)
-        self._labels = self.model.equations.islands.labels
-
-    def ready(self, number: int, events: tuple[Event, ...]) -> _Member | Outcome:
-        """A disturbance as a member, or what came of it where it had to run by itself."""
-        try:
-            member = self.member(number, events)
-            if member is not None:
-                return member
-            stepper = self.method.stepper
-            return simulate(self.model, events, self.t_end, stepper, self.criterion, self.store)
-        except GridfoldError as error:
-            return error
-
-    def member(self, number: int, events: tuple[Event, ...]) -> _Member | None:
-        """A disturbance as a member; None if it has to run by itself."""
-        began = time.perf_counter()
-        plan = plan_simulation(self.model, events, self.t_end, self.store)
-        if plan.x0 is not self.model.x0 or protection_among(events, self.model) is not None:
-            return None
-        models = plan.models
-        found = [self._network(system) for system in models]
-        if any(item is None for item in found):
-            return None
-        networks = [item for item in found if item is not None]
-        starts = (stage.start for stage in plan.stages)
-        grids = [
-            time_grid(start, end, self.method.stepper.step)
-            for start, end in zip(starts, plan.ends, strict=True)
-        ]
-        lasts = np.cumsum([len(grid) for grid in grids])
-        rows = tuple(
-            (int(last) - len(grid), int(last) - 1) for grid, last in zip(grids, lasts, strict=True)
-        )
-        changes, stops = zip(*networks, strict=True)
-        seconds = time.perf_counter() - began
-        times = np.concatenate(grids)
-        return _Member(number, events, plan, models, changes, stops, times, rows, seconds)
-
-    def _network(
-        self, system: DetailedModel
-    ) -> tuple[NetworkChange | None, tuple[Stop, ...]] | None:
-        """What a stage changes about the intact network, and what ends a run in it."""
-        intact = self.model
-        if system.state == intact.state:
-            return None, self._stops
-        if system.layout is not intact.layout or system.injections.nonlinear is not None:
-            return None
-        index, out = system.case.bus_index, system.state.units_out
-        live = [index[unit.bus] for unit in system.layout.source_units if unit not in out]
-        change = self._changes.change(system.equations, live)
-        if change is None or len(change.buses) > LARGEST_RANK:
-            return None
-        if not out and np.array_equal(system.equations.islands.labels, self._labels):
-            share_angle_frame(intact, system)
-            return change, self._stops
-        return change, () if self.criterion is None else self.criterion.stops(system)
-
-
-@dataclass(frozen=True)
-class _Kept:
-    """Some states of the whole system, at `index` in ascending order."""
-
-    index: NDArray[np.int64]
-
-    def lift(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """All states, which are there only if all are kept."""
-        raise OptionError("this run kept rotor angles and speeds alone; ask for every state")
-
-    def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Kept states at some positions."""
-        at = np.minimum(np.searchsorted(self.index, index), len(self.index) - 1)
-        if not np.array_equal(self.index[at], index):
-            self.lift(z)
-        whole = len(at) > 0 and bool((np.diff(at) == 1).all())
-        return z[:, at[0] : at[-1] + 1] if whole else z[:, at]
-
-    def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those of a state of the whole system."""
-        return x[self.index]
-
-
 @dataclass
 class _Seat:
     """A member in its column, and the stage that it is in."""
 
-    member: _Member
+    member: Member
     stage: int = 0
 
 
@@ -271,17 +150,13 @@ class _SideBySide:
 
     def __init__(
         self,
-        model: DetailedModel,
-        method: Choice,
-        criterion: SynchronismCriterion | None,
-        ready: deque[_Member],
-        t_end: float,
+        plans: Plans,
+        ready: deque[Member],
         every_state: bool,
         voltages: bool,
     ):
-        self.model, self.method, self.criterion, self.t_end = model, method, criterion, t_end
-        self.waiting = ready
-        self.every_state = every_state
+        self.plans, self.waiting = plans, ready
+        model = self.model = plans.model
         width = WIDTH
         self.seats: list[_Seat | None] = [None] * width
         self.ended: deque[tuple[int, Trajectory]] = deque()
@@ -296,25 +171,15 @@ class _SideBySide:
             self.rhs.compiled,
             width,
             max(len(member.times) + 2 * len(member.rows) for member in ready),
-            method.stepper.step,
-            isinstance(method.stepper, AdamsBashforthMoulton4),
-            self._kept,
+            plans.method.stepper.step,
+            isinstance(plans.method.stepper, AdamsBashforthMoulton4),
+            plans.kept_states(every_state),
             (self.angles, self.speeds),
             None if self.voltages is None else self.voltages.observer,
         )
         for column in range(width):
             self._rest(column)
         self.stepping, self.steps = 0.0, 0
-
-    @cached_property
-    def _kept(self) -> NDArray[np.int64]:
-        """Positions of the states that are kept: all if a speed is none of them."""
-        machines = self.model.machines
-        slots = [self.model.slots(name, machines) for name in ("rotor_angle", "speed")]
-        wanted = np.unique(np.concatenate(slots))
-        if self.every_state or np.any(wanted >= self.model.n_states):
-            return np.arange(self.model.n_states)
-        return wanted
 
     def next(self) -> tuple[int, Trajectory] | None:
         """The next run that ends, with the number of its disturbance; None when all have."""
@@ -399,63 +264,17 @@ class _SideBySide:
 
     def _trajectory(self, column: int, seat: _Seat) -> Trajectory:
         """The run of a member that is over."""
-        member, columns = seat.member, self.columns
-        plan, used = member.plan, seat.stage + 1
-        x = columns.states[:, column].copy()
-        finite = columns.verdict[column] != NOT_FINITE
-        end = int(columns.row[column]) + (1 if finite else 0)
-        record = columns.record[column, :end].copy()
-        per_step = self.stepping / max(self.steps, 1)
-        coordinates = None if len(self._kept) == self.model.n_states else _Kept(self._kept)
-        pieces = []
-        for k in range(used):
-            first, last = member.rows[k]
-            rows = slice(first, min(last + 1, end))
-            segment = Segment(
-                member.models[k], plan.ends[k], plan.stages[k].label, member.stops[k],
-                coordinates=coordinates,
-            )  # fmt: skip
-            seconds = per_step * (rows.stop - rows.start - 1)
-            pieces.append(Piece(segment, member.times[rows], record[rows], seconds))
-        status, culprit = self._status(column, member.stops[seat.stage], x)
-        return Trajectory(
-            model=self.model,
-            run=Run(tuple(pieces), status, culprit),
-            models=member.models[:used],
-            events=member.events,
-            notices=(
-                *plan.step_notices(self.method),
-                *stage_notices(*plan.reached(float(pieces[-1].times[-1]))),
-            ),
-            stepper=self.method.stepper,
-            criterion=self.criterion,
-            t_end=self.t_end,
-            setup_seconds=member.seconds,
-            simulation_seconds=sum(piece.seconds for piece in pieces),
-            used_model=UsedModel("detailed", {}),
-            method_reason=self.method.reason,
-            voltage_range=self._voltages(column, member.times),
+        member, columns, verdict = seat.member, self.columns, int(self.columns.verdict[column])
+        end = int(columns.row[column]) + (1 if verdict != NOT_FINITE else 0)
+        return self.plans.trajectory(
+            member,
+            seat.stage,
+            end,
+            columns.record[column, :end].copy(),
+            columns.kept,
+            self.plans.status(verdict, member.stops[seat.stage], columns.states[:, column].copy()),
+            None
+            if self.voltages is None
+            else self.plans.voltage_range(member, *self.voltages.extremes(column)),
+            self.stepping / max(self.steps, 1),
         )
-
-    def _status(
-        self, column: int, stops: tuple[Stop, ...], x: NDArray[np.float64]
-    ) -> tuple[Status, int | None]:
-        verdict = self.columns.verdict[column]
-        if verdict == GOES_ON:
-            return Status.COMPLETED, None
-        if verdict == NOT_FINITE:
-            return Status.NOT_FINITE, int(np.flatnonzero(~np.isfinite(x))[0])
-        watch, status = next((stop for stop in stops if stop.watch.holds(x)), stops[0])
-        return status, int(np.argmax(watch.distances(x)))
-
-    def _voltages(self, column: int, times: NDArray[np.float64]) -> VoltageRange | None:
-        if self.voltages is None:
-            return None
-        buses = self.model.case.buses
-
-        def named(found: VoltageExtreme | None) -> Extreme | None:
-            if found is None:
-                return None
-            return Extreme(found.value, buses[found.bus].number, float(times[found.row]))
-
-        return VoltageRange(*map(named, self.voltages.extremes(column)))

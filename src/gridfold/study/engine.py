@@ -29,10 +29,11 @@ from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.grid_map import grid_map
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
+from gridfold.study.on_gpu import choose_device, device_asked_for
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.processes import refuse_nested
 from gridfold.study.solve import Batch, Task, why_one_by_one
-from gridfold.study.study_file import Study, load_study, with_own_devices
+from gridfold.study.study_file import RunsOn, Study, load_study, with_own_devices
 from gridfold.study.summary import column_types
 from gridfold.study.team import Team
 from gridfold.study.trust import code_record, require_trust
@@ -40,6 +41,8 @@ from gridfold.study.work import Progress, Stage, StudyRun, Work
 
 #: Most contingencies of a topology, and most that advance together: a kill loses those handed out.
 _LARGEST_BATCH, _MOST_TOGETHER = 4, 128
+#: Contingencies that are handed to a GPU at once.
+_ON_GPU = 1024
 #: States times steps of those that advance together, some seconds of one core.
 _WORK_TOGETHER = 1.5e8
 
@@ -52,6 +55,7 @@ def run_study(
     resume: bool = False,
     retry_failed: bool = False,
     time_limit: float | None = None,
+    device: RunsOn | str | None = None,
     workers: Workers | str = Workers.THREADS,
     count: int | None = None,
     cluster: str | None = None,
@@ -76,6 +80,8 @@ def run_study(
         Go on, and try again what has failed; a row stays until there is a new one.
     time_limit : float, optional
         Longest time on the machine for one contingency in seconds, instead of the study's.
+    device : {"auto", "cpu", "cuda"}, optional
+        What contingencies run on, instead of what the study says.
     workers : {"threads", "processes"}
         What works on this machine.
     count : int, optional
@@ -115,6 +121,7 @@ def run_study(
     target = _target(out, path)
     kind = _kind(workers)
     check_limit(time_limit)
+    asked = device_asked_for(wanted.run.device if device is None else device)
     if kind is Workers.PROCESSES or cluster == "local":
         refuse_nested()
     goes_on = resume or retry_failed
@@ -128,17 +135,19 @@ def run_study(
         earlier = stack.enter_context(StudyStore.resume(target)) if goes_on else None
         offline, contingencies = _offline(wanted, named, count, earlier, time_limit)
         prepared = prepare(offline)
+        on_gpu, words = choose_device(asked, prepared, contingencies)
+        offline, prepared = replace(offline, on_gpu=on_gpu), replace(prepared, on_gpu=on_gpu)
         count = None if count is None else min(count, max(len(contingencies), 1))
         # Proved before anything is written: workers that do not start leave nothing behind.
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         store = earlier or stack.enter_context(_create(target, offline, prepared, contingencies))
         settings = store.identity["settings"]
-        told = (*settings.get("unplaced", ()), *settings.get("warnings", ()))
+        told = (*words, *settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
         rounds = _rounds(store, prepared, crew.count, retry_failed)
         work = Work(store, crew, rounds, tell, began)
         stage = work.run(stop or Event())
-        store.tell("last_run", _provenance(crew))
+        store.tell("last_run", _provenance(crew, prepared))
         return work.outcome(target, stage)
 
 
@@ -234,16 +243,18 @@ def _together(count: int, prepared: Prepared, workers: int) -> int:
     """How many of the tasks a worker takes at once: full groups, for all workers as many."""
     if why_one_by_one(prepared) is not None:
         return 1
+    if prepared.on_gpu:
+        return min(_ON_GPU, max(1, -(-count // max(workers, 1))))
     steps = prepared.study.run.t_end / prepared.method.stepper.step
     most = min(_WORK_TOGETHER / (max(prepared.model.n_states, 1) * steps), _MOST_TOGETHER)
     rounds = max(1, -(-count // (max(workers, 1) * max(int(most), WIDTH)))) * max(workers, 1)
     return max(WIDTH, -(-count // (rounds * WIDTH)) * WIDTH)
 
 
-def _provenance(crew: Team) -> dict[str, Any]:
+def _provenance(crew: Team, prepared: Prepared) -> dict[str, Any]:
     return {
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "workers": crew.description,
+        "workers": crew.description + (", a GPU" if prepared.on_gpu else ""),
         "machine": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "numpy": np.__version__,

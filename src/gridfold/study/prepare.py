@@ -94,6 +94,8 @@ class Offline:
         SHA-256 of the sources of gridfold.
     time_limit : float, optional
         Longest time for one contingency in seconds.
+    on_gpu : bool
+        Whether contingencies run on a GPU.
     """
 
     study: Study
@@ -107,13 +109,20 @@ class Offline:
     named: NamedFiles
     sources: str = SOURCES
     time_limit: float | None = None
+    on_gpu: bool = False
 
     @cached_property
     def token(self) -> str:
         """What tells one study from another."""
         digest = hashlib.sha256(self.case.fingerprint.encode())
         digest.update(self.study.model_dump_json().encode())
-        chosen = (self.settings, self.method, sorted(self.study_buses), self.time_limit)
+        chosen = (
+            self.settings,
+            self.method,
+            sorted(self.study_buses),
+            self.time_limit,
+            self.on_gpu,
+        )
         digest.update(repr(chosen).encode())
         digest.update(self.reduced or b"")
         digest.update(repr([code.digest for code in self.named.own_code]).encode())
@@ -142,6 +151,7 @@ class Prepared:
     relays: tuple[Relay, ...] = ()
     columns: Columns | None = None
     criteria: tuple[Criterion, ...] = ()
+    on_gpu: bool = False
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -305,6 +315,7 @@ def prepare(offline: Offline) -> Prepared:
         relays,
         columns,
         criteria_of(study.criteria),
+        offline.on_gpu,
     )
 
 

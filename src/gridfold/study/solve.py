@@ -27,6 +27,7 @@ from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing_time import critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
+from gridfold.runs.cuda import simulate_on_gpu
 from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -92,7 +93,8 @@ def why_one_by_one(prepared: Prepared) -> str | None:
 
 def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    runs = simulate_batch(
+    run_together = simulate_on_gpu if prepared.on_gpu else simulate_batch
+    runs = run_together(
         prepared.model,
         [task.contingency.events for task in batch],
         prepared.study.run.t_end,

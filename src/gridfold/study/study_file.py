@@ -52,7 +52,7 @@ Positive = Annotated[float, Field(gt=0, lt=inf)]
 NotNegative = Annotated[float, Field(ge=0, lt=inf)]
 Count = Annotated[int, Field(ge=0)]
 #: Keys that do not change what a row says, so that a study may go on with another value.
-FREE_KEYS = frozenset({"run.time_limit", "run.batch"})
+FREE_KEYS = frozenset({"run.time_limit", "run.batch", "run.device"})
 
 
 def _where(word: Word) -> AfterValidator:
@@ -90,6 +90,14 @@ class SideBySide(Enum):
 
     AUTO = "auto"
     OFF = "off"
+
+
+class RunsOn(Enum):
+    """What contingencies run on."""
+
+    AUTO = "auto"
+    CPU = "cpu"
+    CUDA = "cuda"
 
 
 def _criterion(record: dict[str, Any]) -> dict[str, Any]:
@@ -308,6 +316,10 @@ class Run(_Section):
     batch: SideBySide = Field(
         default=SideBySide.AUTO,
         description="Contingencies advance together where that is faster, or one by one.",
+    )
+    device: RunsOn = Field(
+        default=RunsOn.CPU,
+        description="What contingencies run on: a GPU where one is found, the CPU, or a GPU only.",
     )
 
     @property

@@ -91,6 +91,14 @@ class NetworkChanges:
         dead = np.flatnonzero(self.intact.islands.energized & ~energized)
         return self._compensated(held, touched, difference, zero, dead)
 
+    def caused_at(
+        self, change: NetworkChange, positions: NDArray[np.int64]
+    ) -> NDArray[np.complex128]:
+        """Voltages of energized buses at `positions` for unit currents at those of a change, (m, r)."""
+        rows = self.intact.bus_rows[positions]
+        columns = [self._column(bus)[rows] for bus in change.buses.tolist()]
+        return np.array(columns).reshape(len(columns), len(rows)).T
+
     def _difference(
         self, equations: NetworkEquations, there: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:

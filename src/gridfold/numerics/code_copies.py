@@ -1,0 +1,74 @@
+"""Copies of functions, their source unchanged, that reach other elementary functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import CellType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+
+class CodeCopies:
+    """Copies of functions and modules, each made once.
+
+    Parameters
+    ----------
+    numbers : mapping
+        What stands for a function of ``np`` or ``math``, by name.
+    compiled : callable
+        Compiles the copy of a function that was compiled.
+    """
+
+    def __init__(self, numbers: Mapping[str, Any], compiled: Callable[[Any], Any]) -> None:
+        self.numbers, self.compiled = numbers, compiled
+        self.known: dict[int, Any] = {}
+
+    def function(self, function: Any) -> Any:
+        """The copy of a function, and of all that it reaches."""
+        if id(function) in self.known:
+            return self.known[id(function)]
+        names: dict[str, Any] = {}
+        copy = FunctionType(
+            function.__code__,
+            names,
+            function.__name__,
+            function.__defaults__,
+            tuple(CellType(self.value(cell.cell_contents)) for cell in function.__closure__ or ()),
+        )
+        copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+        self.known[id(function)] = copy
+        names["__name__"] = function.__module__
+        names["__builtins__"] = function.__globals__["__builtins__"]
+        for name in used_names(function):
+            names[name] = self.value(function.__globals__[name])
+        return copy
+
+    def value(self, item: Any) -> Any:
+        """What stands for a global value."""
+        if id(item) in self.known:
+            return self.known[id(item)]
+        if item is np or item is math:
+            found: Any = ModuleType(item.__name__)
+            found.__dict__.update(item.__dict__)
+            found.__dict__.update(self.numbers)
+        elif isinstance(item, Dispatcher):
+            found = self.compiled(self.function(item.py_func))
+        else:
+            return item
+        self.known[id(item)] = found
+        return found
+
+
+def used_names(function: Any) -> set[str]:
+    """Names of the globals that a function uses."""
+    used = {name for code in codes(function.__code__) for name in code.co_names}
+    return {name for name in used if name in function.__globals__}
+
+
+def codes(code: Any) -> list[Any]:
+    """A code object and those inside it."""
+    inner = [part for part in code.co_consts if isinstance(part, type(code))]
+    return [code, *(found for part in inner for found in codes(part))]
