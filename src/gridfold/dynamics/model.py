@@ -288,7 +288,7 @@ class DetailedModel(Card):
         ports, known = (() if loads is None else loads.buses for loads in (nonlinear, before))
         rated = any(block.device.role is Role.LOAD for block in layout.blocks)
         if case.devices is not self.case.devices or ports != known or rated:
-            groups = assemble(case, devices)
+            groups = assemble(case, devices, self.case.devices)
             layout = build_layout(groups, ports)
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
         return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
