@@ -289,7 +289,8 @@ class DetailedModel(Card):
         rated = any(block.device.role is Role.LOAD for block in layout.blocks)
         if case.devices is not self.case.devices or ports != known or rated:
             groups = assemble(case, devices, self.case.devices)
-            layout = build_layout(groups, ports)
+            same = ports == known and layout.holds(groups)
+            layout = layout.with_parameters(groups) if same else build_layout(groups, ports)
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
         return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
 

@@ -1,7 +1,7 @@
 """The folder of a data set: Parquet files of chunks, what it is about, and its card.
 
-A file of a chunk is there whole or not at all, so that a kill at any time loses no more than chunks that
-were worked on.
+A file of a chunk is there whole or not at all, so that a kill at any time loses chunks that were worked
+on, and nothing else.
 """
 
 from __future__ import annotations
@@ -31,6 +31,12 @@ _PART = "part-{:06d}.parquet"
 _TYPES = {int: pa.int64(), float: pa.float64(), str: pa.string(), bool: pa.bool_()}
 
 
+def require_free(folder: Path) -> None:
+    """Raise an OptionError if a folder holds samples."""
+    if is_there(folder / IDENTITY):
+        raise OptionError(f"{folder} holds samples already; go on with --resume (resume=True)")
+
+
 class SampleStore:
     """A data set in a folder. Make it with :meth:`create`, :meth:`resume` or :meth:`read`."""
 
@@ -55,8 +61,7 @@ class SampleStore:
             folder.mkdir(parents=True, exist_ok=True)
         held = lock(folder, "samples")
         try:
-            if is_there(folder / IDENTITY):
-                raise OptionError(f"{folder} holds samples already; go on with --resume")
+            require_free(folder)
             write_json(folder / IDENTITY, identity)
             return cls(folder, json.loads(json_text(identity)), held)._tidied()
         except BaseException:
@@ -141,7 +146,8 @@ class SampleStore:
         if not parts:
             return pd.DataFrame(columns=list(columns or ()))
         nullable = {pa.int64(): pd.Int64Dtype(), pa.bool_(): pd.BooleanDtype()}
-        return pa.concat_tables(parts).to_pandas(types_mapper=nullable.get)
+        frame: pd.DataFrame = pa.concat_tables(parts).to_pandas(types_mapper=nullable.get)
+        return frame
 
     def write_card(self, text: str, record: Mapping[str, Any]) -> None:
         """Write the data card, for people and for programs."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -15,6 +15,7 @@ import numpy as np
 from gridfold.dynamics.model import build_model
 from gridfold.errors import GridfoldError
 from gridfold.io.sample_store import CURVES, SAMPLES, SampleStore
+from gridfold.runs.method import choose_stepper
 from gridfold.sampling.draw import filling
 from gridfold.sampling.rows import INFEASIBLE, data_columns, labels
 from gridfold.sampling.work import Sampler, counted
@@ -67,7 +68,7 @@ def card(sampler: Sampler, store: SampleStore) -> dict[str, Any]:
         "samples": {
             "wanted": plan.samples,
             "made": len(frame),
-            **counted(frame.to_dict("records")),
+            **counted(_records(frame, ("status", "stable"))),
         },
         "infeasible_reasons": _reasons(frame),
         "columns": _columns(sampler, frame),
@@ -78,6 +79,13 @@ def card(sampler: Sampler, store: SampleStore) -> dict[str, Any]:
             "run_anew": _run_anew(sampler, frame) if complete else None,
         },
     }
+
+
+def _records(frame: pd.DataFrame, columns: Sequence[str]) -> list[dict[str, Any]]:
+    """Some columns of rows; what does not apply is None."""
+    chosen = frame[list(columns)].astype(object)
+    values = chosen.where(chosen.notna(), None).to_numpy().tolist()
+    return [dict(zip(columns, row, strict=True)) for row in values]
 
 
 def _reasons(frame: pd.DataFrame) -> dict[str, int]:
@@ -110,12 +118,12 @@ def _run_anew(sampler: Sampler, frame: pd.DataFrame) -> dict[str, Any]:
     plan = sampler.work.plan
     ran = frame[frame["stable"].notna()]
     count = min(plan.check.samples, len(ran))
-    places = np.unique(np.linspace(0, len(ran) - 1, count).round().astype(int)) if count else []
+    places = np.unique(np.linspace(0, len(ran) - 1, count).round().astype(int)).tolist()
     rows = filling(plan)
     apart: dict[str, float] = dict.fromkeys(_COMPARED, 0.0)
     finer: dict[str, float] = dict.fromkeys(_COMPARED, 0.0)
     same = stable = 0
-    for _, there in ran.iloc[list(places)].iterrows():
+    for there in _records(ran.iloc[places], ("number", "status", "stable", *_COMPARED)):
         number = int(there["number"])
         again, half = _single(sampler, number, rows[number - 1])
         same += again["status"] == there["status"]
@@ -136,7 +144,7 @@ def _widen(largest: dict[str, float], first: Mapping[str, Any], second: Mapping[
     """Take up how far two rows of labels are apart."""
     for name in largest:
         values = first[name], second[name]
-        if all(value is not None and value == value for value in values):  # no NaN
+        if None not in values:
             largest[name] = max(largest[name], abs(float(values[0]) - float(values[1])))
 
 
@@ -163,8 +171,9 @@ def _single(
 
 def _halved(ready: Prepared) -> Prepared:
     """The same at half the time step, without clearing times."""
-    stepper = ready.method.stepper
-    method = replace(ready.method, stepper=type(stepper)(stepper.step / 2))
+    before = ready.method.stepper
+    stepper = choose_stepper(ready.model, before.name, before.step / 2).stepper
+    method = replace(ready.method, stepper=stepper)
     times = ready.study.clearing_times.model_copy(update={"wanted": False})
     study = ready.study.model_copy(update={"clearing_times": times})
     return replace(ready, method=method, study=study)
@@ -235,9 +244,9 @@ def _validation(found: Mapping[str, Any]) -> Iterator[str]:
     count = anew["samples"]
     yield ""
     yield (
-        f"{count} samples were run anew, each model built from its case alone: {anew['same_status']} of "
-        f"{count} end alike. At half the time step {anew['same_verdict_at_half_step']} of {count} have "
-        "the same verdict."
+        f"{count} samples were run anew, each model built from its case alone: "
+        f"{anew['same_status']} of {count} end alike. At half the time step "
+        f"{anew['same_verdict_at_half_step']} of {count} have the same verdict."
     )
     yield from (
         "",

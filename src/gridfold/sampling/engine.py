@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Event
 
 from gridfold.errors import OptionError
-from gridfold.io.sample_store import SampleStore
+from gridfold.io.sample_store import SampleStore, require_free
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.sampling.card import write_card
 from gridfold.sampling.plan import SamplePlan, load_plan
@@ -161,6 +161,8 @@ def sample(
     )
     with ExitStack() as stack:
         target = _target(out, path)
+        if not resume:
+            require_free(target)
         earlier = stack.enter_context(SampleStore.resume(target)) if resume else None
         if earlier is not None:
             refuse_other_plan(earlier, wanted)
@@ -236,9 +238,7 @@ class _Making:
         self.counts = dict.fromkeys(_KINDS, 0)
         for position in kept:
             self._count(counted(self.store.table(position, ("status", "stable"))))
-        self.columns = {
-            name: column.kind for name, column in data_columns(dict(plan.drawn)).items()
-        }
+        self.columns = {name: column.kind for name, column in data_columns(plan.names).items()}
         self.started = time.monotonic()
 
     def run(self, stop: Event) -> Stage:
@@ -259,10 +259,15 @@ class _Making:
 
     def outcome(self, stage: Stage) -> SampleRun:
         """The counts at the end."""
-        seconds = time.monotonic() - self.began
-        done, rate, name = sum(self.counts.values()), self._rate, self.crew.description
         return SampleRun(
-            self.store.folder, stage, done, self.total, *self.counts.values(), seconds, rate, name
+            self.store.folder,
+            stage,
+            sum(self.counts.values()),
+            self.total,
+            **self.counts,
+            seconds=time.monotonic() - self.began,
+            per_second=self._rate,
+            workers=self.crew.description,
         )
 
     def _hand_out(self) -> bool:
@@ -313,6 +318,14 @@ class _Making:
         return self.here / (time.monotonic() - self.started) if self.here else 0.0
 
     def _tell(self, stage: Stage, message: str = "") -> None:
-        seconds = time.monotonic() - self.began
-        done, counts = sum(self.counts.values()), self.counts.values()
-        self.tell(SampleProgress(stage, done, self.total, *counts, seconds, self._rate, message))
+        self.tell(
+            SampleProgress(
+                stage,
+                sum(self.counts.values()),
+                self.total,
+                **self.counts,
+                seconds=time.monotonic() - self.began,
+                per_second=self._rate,
+                message=message,
+            )
+        )

@@ -214,7 +214,7 @@ class SamplePlan(Section):
         faults = self.faults
         if faults.start + value_of(faults.clearing_time, _LATEST) >= self.run.t_end:
             raise ValueError("run.t_end must lie after the faults are cleared")
-        names = [name for name, _ in self.drawn]
+        names = self.names
         if taken := sorted(set(names) & COLUMNS.keys()):
             raise ValueError(f"columns of every data set are called {', '.join(taken)}: rename it")
         if twice := sorted(name for name, count in Counter(names).items() if count > 1):
@@ -238,6 +238,11 @@ class SamplePlan(Section):
             for table, items in tables
             for number, item in enumerate(items, start=1)
         )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names, which are columns of the data."""
+        return tuple(each.name for each in self.named)
 
     @property
     def drawn(self) -> tuple[tuple[str, float | Distribution], ...]:
@@ -296,6 +301,6 @@ def plan_schema() -> dict[str, Any]:
 
 
 def write_plan(path: str | Path) -> None:
-    """Write a plan with a comment on every key to a new file; an OutputError if it cannot be written."""
+    """Write a plan with a comment on every key; an OutputError if there is such a file already."""
     text = resources.files("gridfold.sampling").joinpath("plan.toml").read_text("utf-8")
     write_new(Path(path), text)

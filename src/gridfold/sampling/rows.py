@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,12 +69,12 @@ COLUMNS: Mapping[str, Column] = {
 }
 
 
-def data_columns(drawn: Mapping[str, float]) -> dict[str, Column]:
+def data_columns(drawn: Iterable[str]) -> dict[str, Column]:
     """All columns of a data set in order; `drawn` has the names of what a plan draws."""
     first = ("number", "contingency", "kind", "clearing_time")
     columns = {name: COLUMNS[name] for name in first}
     columns |= {name: Column(float, "", "Drawn by the plan") for name in drawn}
-    return columns | COLUMNS
+    return {**columns, **COLUMNS}
 
 
 def labels(figures: Mapping[str, Any]) -> dict[str, Any]:
