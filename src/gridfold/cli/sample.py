@@ -31,8 +31,8 @@ Examples:
 
   gridfold sample plan.toml --resume --jobs 8
 
-Exit codes: 0 every sample is there; 2 bad input; 4 some samples failed; 130 interrupted. Samples without
-an operating point are rows of their own kind, and no failure.
+Exit codes: 0 every sample is there; 2 bad input; 4 some samples failed; 130 interrupted. Samples
+without an operating point are rows of their own kind, and no failure.
 """
 
 

@@ -61,18 +61,19 @@ class Distribution(Section):
 
     def value(self, u: float) -> float:
         """The value below which a part `u`, from 0 to 1, of the distribution lies."""
-        u = min(max(float(u), _EDGE), 1 - _EDGE)
         if self.uniform is not None:
             low, high = self.uniform
             return min(max(low + u * (high - low), low), high)
         if self.normal is not None:
             mean, deviation = self.normal
             below, inside = self._probabilities
+            u = min(max(u, _EDGE), 1 - _EDGE)
             low, high = self.within or (-inf, inf)
             return min(max(mean + deviation * float(ndtri(below + u * inside)), low), high)
         assert self.choice is not None
         shares = np.cumsum(self.weights or np.ones(len(self.choice)))
-        return self.choice[int(np.searchsorted(shares, u * shares[-1], side="right"))]
+        place = int(np.searchsorted(shares, u * shares[-1], side="right"))
+        return self.choice[min(place, len(self.choice) - 1)]
 
     @property
     def _probabilities(self) -> tuple[float, float]:
