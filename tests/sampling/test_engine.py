@@ -79,9 +79,12 @@ def test_every_sample_is_there_once_and_counted(made):
     assert sorted(path.name for path in (folder / "samples").iterdir()) == [
         f"part-00000{k}.parquet" for k in range(3)
     ]
-    assert outcome.complete and outcome.stage is Stage.DONE
+    assert outcome.complete
+    assert outcome.stage is Stage.DONE
     kinds = (outcome.stable, outcome.unstable, outcome.infeasible, outcome.failed)
-    assert sum(kinds) == 12 and outcome.failed == 0 and min(kinds[:3]) > 0
+    assert sum(kinds) == 12
+    assert outcome.failed == 0
+    assert min(kinds[:3]) > 0
     assert outcome.infeasible == (frame["status"] == "infeasible").sum()
     assert [each.done for each in progress if each.stage is Stage.RUNNING] == [0, 5, 10, 12]
     assert progress[-1].seconds_left == 0.0
@@ -156,7 +159,8 @@ def test_the_card_tells_what_is_in_the_data(made):
     assert max(anew["largest_difference"].values()) < 1e-9
     text = (folder / "card.md").read_text()
     assert f"| infeasible | {outcome.infeasible} |" in text
-    assert "3 samples were run anew" in text and "Seed 4, sobol" in text
+    assert "3 samples were run anew" in text
+    assert "Seed 4, sobol" in text
 
 
 @pytest.mark.parametrize("workers", ["threads", "processes"])
@@ -225,7 +229,8 @@ def test_a_stop_writes_what_is_worked_on(tmp_path):
     small = plan(chunk=1, check={"samples": 0})
     outcome = gf.sample(small, tmp_path / "s", on_progress=after_the_first, stop=stop, **rest)
     assert outcome.stage is Stage.INTERRUPTED
-    assert 1 <= outcome.done < 12 and len(rows(tmp_path / "s")) == outcome.done
+    assert 1 <= outcome.done < 12
+    assert len(rows(tmp_path / "s")) == outcome.done
     assert "of 12 samples" in (tmp_path / "s" / "card.md").read_text()
 
 

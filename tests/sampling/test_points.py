@@ -122,7 +122,9 @@ def test_all_that_is_not_in_the_case_is_told_at_once(case):
         )
     text = str(caught.value)
     assert "load 1, where: " in text
-    assert "generation 1, where: " in text and "slack" in text
-    assert "parameter 1, where: " in text and "did you mean 'inertia'?" in text
+    assert "generation 1, where: " in text
+    assert "slack" in text
+    assert "parameter 1, where: " in text
+    assert "did you mean 'inertia'?" in text
     assert "parameter 2, where: no device genrou there has a parameter 'inertia'" in text
     assert "balance.units: " in text

@@ -246,7 +246,7 @@ class _Making:
         self.left.reverse()
         self._tell(Stage.RUNNING, self.crew.description)
         try:
-            while self._hand_out() and not stop.is_set():
+            while not stop.is_set() and self._hand_out():
                 done, _ = wait(self.flying, _GLANCE, FIRST_COMPLETED)
                 self._take(done)
         except KeyboardInterrupt:
