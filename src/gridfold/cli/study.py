@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, TextIO
 
 import typer
+
 from gridfold.cli.brake import brake_on_signals
 from gridfold.cli.console import count_bar, err, out
 from gridfold.cli.exit_codes import ExitCode
@@ -26,8 +27,8 @@ from gridfold.report.study_tables import (
     study_facts,
 )
 from gridfold.report.tables import facts_table, shortened
-from gridfold.study import Progress, Stage, Workers, run_study
 from gridfold.sampling.plan import plan_schema, write_plan
+from gridfold.study import Progress, Stage, Workers, run_study
 from gridfold.study.study_file import json_schema, load_study, write_template
 
 #: Rows that are shown at the end of a run.

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
+from gridfold.cards import Card, first_few
 from gridfold.equivalents.model_kind import ModelKind
 from gridfold.io.results import write_new
 from gridfold.sampling.distribution import Amount, Distribution, value_of
@@ -29,6 +30,7 @@ from gridfold.study.study_file import (
     NotNegative,
     OutputsWanted,
     Run,
+    RunOptions,
     Section,
     Study,
     Watched,
@@ -175,7 +177,7 @@ class Named(NamedTuple):
     item: PowerSection | ParameterSection
 
 
-class SamplePlan(Section):
+class SamplePlan(Card, Section):
     """A plan: the whole file."""
 
     model_config = ConfigDict(title="gridfold sample plan", extra="forbid", frozen=True)
@@ -204,10 +206,24 @@ class SamplePlan(Section):
     relays: tuple[dict[str, Any], ...] = Field(
         default=(), description="Relays that watch every run, as in a file of relays."
     )
-    run: Run = Run()
+    run: RunOptions = RunOptions()
     clearing_times: ClearingTimes = ClearingTimes()
     outputs: OutputSection = OutputSection()
     check: CheckSection = CheckSection()
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "case": self.case.source,
+            "samples": self.samples,
+            "seed": self.seed,
+            "drawn": first_few(self.names),
+            "bus faults": self.faults.bus_faults,
+            "line faults": self.faults.line_faults,
+            "machine trips": self.faults.machine_trips,
+            "listed": len(self.contingency),
+            "until": f"{self.run.t_end:g} s",
+        }
 
     @model_validator(mode="after")
     def _fits(self) -> SamplePlan:
@@ -269,7 +285,7 @@ class SamplePlan(Section):
             contingency=self.contingency,
             relays=self.relays,
             model=Model(kind=ModelKind.DETAILED),
-            run=self.run,
+            run=Run(**self.run.model_dump()),
             check=Check(sample=0),
             clearing_times=self.clearing_times,
             outputs=OutputsWanted(

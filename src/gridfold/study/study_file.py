@@ -282,7 +282,7 @@ class Model(Section):
         )
 
 
-class Run(Section):
+class RunOptions(Section):
     """How each run is stepped, and when it ends."""
 
     t_end: Positive = Field(default=16.0, description="End of each run (s).")
@@ -302,15 +302,20 @@ class Run(Section):
         description="Longest time on the machine for one contingency (s); it fails beyond. It may "
         "differ where a study goes on.",
     )
-    batch: SideBySide = Field(
-        default=SideBySide.AUTO,
-        description="Contingencies advance together where that is faster, or one by one.",
-    )
 
     @property
     def criterion(self) -> SynchronismCriterion:
         """When a run ends as unstable."""
         return SynchronismCriterion(self.angle_limit_deg, self.speed_limit)
+
+
+class Run(RunOptions):
+    """How each run is stepped, and when it ends."""
+
+    batch: SideBySide = Field(
+        default=SideBySide.AUTO,
+        description="Contingencies advance together where that is faster, or one by one.",
+    )
 
 
 class Check(Section):
