@@ -62,7 +62,7 @@ COMMANDS = {
     ),
     "init": Late("study", "Write a study file, or a sample plan, with a comment on every key."),
     "run": Late("study", "Run a study: every contingency, on all cores or a cluster."),
-    "sample": Late("sample", "Make a labelled data set of operating points and faults.", _JOBS),
+    "sample": Late("sample", "Make a labelled data set of operating points and faults."),
     "show": Late("study_results", "Show the results of a study, also while it runs."),
     "report": Late("study_results", "Write the report of a study: one page that needs no network."),
     "check": Late("study_results", "Read all of a study's results and say which are whole."),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: Packages that results may depend on.
-_PACKAGES = ("numpy", "scipy", "numba", "lightsim2grid")
+_PACKAGES = ("numpy", "scipy", "numba")
 #: Labels of which the largest difference is told where a sample is run anew.
 _COMPARED = ("largest_separation_deg", "nadir_hz", "lowest_voltage", "damping_ratio")
 

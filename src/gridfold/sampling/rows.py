@@ -10,31 +10,31 @@ from gridfold.study.summary import column_types
 
 #: Status of a sample without an operating point.
 INFEASIBLE = "infeasible"
-#: Figures of a run that are labels; their meaning is that of the columns of a study.
-LABELS = (
-    "status",
-    "reason",
-    "stable",
-    "ended_at",
-    "critical_machine",
-    "largest_swing_deg",
-    "largest_separation_deg",
-    "separation_at",
-    "lowest_voltage",
-    "lowest_voltage_bus",
-    "lowest_voltage_at",
-    "highest_voltage",
-    "nadir_hz",
-    "nadir_at",
-    "highest_hz",
-    "islands",
-    "lost_load_mw",
-    "swing_hz",
-    "damping_ratio",
-    "critical_clearing_time",
-    "clearing_time_bounded",
-    "margin",
-)
+#: Figures of a run that are labels: unit and meaning. They are those of a study.
+LABELS: Mapping[str, tuple[str, str]] = {
+    "status": ("", "`completed`, `lost synchronism`, `off speed`, `infeasible`, `failed`, ..."),
+    "reason": ("", "Why it is infeasible or failed, or what ended the run early"),
+    "stable": ("", "Whether it stays stable; missing where nothing can be said"),
+    "ended_at": ("s", "End of the run"),
+    "critical_machine": ("", "Machine that lost synchronism, else the one that swung furthest"),
+    "largest_swing_deg": ("deg", "How far it swung, against the centre of inertia"),
+    "largest_separation_deg": ("deg", "Largest difference of two rotor angles in one island"),
+    "separation_at": ("s", "When that was"),
+    "lowest_voltage": ("p.u.", "Lowest voltage after the last event"),
+    "lowest_voltage_bus": ("", "Number of its bus"),
+    "lowest_voltage_at": ("s", "When that was"),
+    "highest_voltage": ("p.u.", "Highest voltage after the last event"),
+    "nadir_hz": ("Hz", "Lowest frequency of the centre of inertia of any island"),
+    "nadir_at": ("s", "When that was"),
+    "highest_hz": ("Hz", "Highest frequency of the same"),
+    "islands": ("", "Parts of the network that have a machine, at the end"),
+    "lost_load_mw": ("MW", "Load at buses that are de-energized at the end"),
+    "swing_hz": ("Hz", "Frequency of the dominant swing of the critical machine"),
+    "damping_ratio": ("", "Its damping ratio"),
+    "critical_clearing_time": ("s", "If asked for; a bounded one is the longest that is stable"),
+    "clearing_time_bounded": ("", "Whether a longer clearing time was found unstable"),
+    "margin": ("s", "By what the critical clearing time exceeds the duration of the fault"),
+}
 _LOST = ("lost synchronism", "off speed")
 
 
@@ -62,9 +62,8 @@ COLUMNS: Mapping[str, Column] = {
     "lost_at": Column(float, "s", "When synchronism was lost; missing if it was not", "label"),
     "lost_machine": Column(str, "", "Which machine lost it", "label"),
     **{
-        name: Column(kind, "", "As in the table of a study", "label")
-        for name, kind in column_types().items()
-        if name in LABELS
+        name: Column(column_types()[name], unit, meaning, "label")
+        for name, (unit, meaning) in LABELS.items()
     },
 }
 
