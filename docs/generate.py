@@ -35,6 +35,9 @@ from gridfold.grid.plausible import NETWORK_ROWS
 from gridfold.grid.relays import RELAYS
 from gridfold.io.raw_codes import BASE, POWER_LIMITS
 from gridfold.powerflow.plausible import BALANCE, VOLTAGE
+from gridfold.sampling.distribution import Distribution
+from gridfold.sampling.plan import plan_schema
+from gridfold.sampling.rows import COLUMNS, data_columns
 from gridfold.study.study_file import json_schema
 from gridfold.study.summary import Figures, column_types
 
@@ -60,6 +63,7 @@ MADE_ELSEWHERE = {
     "studies": ("python benchmarks/studies.py", 3),
     "batch": ("make bench-batch", 2),
     "fuzz": ("make fuzz", 3),
+    "sampling": ("python benchmarks/sampling.py", 3),
     "matrix": ("make test-matrix", 3),
     "kill_and_resume": ("make kill-test", 3),
 }
@@ -240,6 +244,9 @@ def write_all(docs: Path) -> None:
     _write(folder / "criterion-presets.md", "".join(f"- `{name}`\n" for name in PRESETS))
     _write(folder / "study-keys.md", study_keys())
     _write(folder / "study-columns.md", study_columns())
+    _write(folder / "plan-keys.md", plan_keys())
+    _write(folder / "plan-columns.md", plan_columns())
+    _write(folder / "plan.schema.json", json.dumps(plan_schema(), indent=2) + "\n")
     _write(folder / "typical.md", typical_tables())
     _write(folder / "usual-network.md", usual_network())
     _write(folder / "usual-devices.md", usual_devices())
@@ -298,14 +305,48 @@ def typical_tables() -> str:
 
 def study_keys() -> str:
     """Keys of the study file, a table each, from its JSON Schema."""
-    schema = json_schema()
-    top: dict[str, Any] = {"": {"properties": {}}}
+    return _schema_keys(json_schema())
+
+
+def plan_keys() -> str:
+    """Keys of the sample plan, a table each, and those of a distribution, from their JSON Schemas."""
+    amounts = Distribution.model_json_schema()
+    rows = [
+        (f"`{key}`", _json_kind(value, {}), _key_meaning("distribution", key, value))
+        for key, value in amounts["properties"].items()
+    ]
+    table = _table(("Key", "Type", "Meaning"), rows)
+    return (
+        f"{_schema_keys(plan_schema())}\n### Distributions\n\n{amounts['description']}\n\n{table}"
+    )
+
+
+def plan_columns() -> str:
+    """Columns of a data set."""
+    drawn = "*what the plan draws*"
+    rows = [
+        (
+            name if name == drawn else f"`{name}`",
+            _TYPES[column.kind],
+            column.unit,
+            column.meaning,
+        )
+        for name, column in data_columns([drawn]).items()
+    ]
+    assert len(rows) == len(COLUMNS) + 1
+    return _table(("Column", "Type", "Unit", "Meaning"), rows)
+
+
+def _schema_keys(schema: dict[str, Any]) -> str:
+    """Keys of a file, a table each, from its JSON Schema."""
+    top: dict[str, Any] = {"": {"properties": {}, "required": schema.get("required", ())}}
     for key, value in schema["properties"].items():
-        section = value.get("$ref", value.get("items", {}).get("$ref"))
-        if section is None:
-            top[""]["properties"][key] = value
+        section = value.get("$ref", value.get("items", {}).get("$ref", ""))
+        table = schema["$defs"].get(section.rpartition("/")[2], {})
+        if "properties" in table:
+            top[key] = table
         else:
-            top[key] = schema["$defs"][section.rpartition("/")[2]]
+            top[""]["properties"][key] = value
     parts = []
     for name, section in top.items():
         rows = [
@@ -335,15 +376,22 @@ def _json_kind(value: dict[str, Any], definitions: dict[str, Any]) -> str:
     """The type of a key in words."""
     if "$ref" in value:
         return _json_kind(definitions[value["$ref"].rpartition("/")[2]], definitions)
-    if "anyOf" in value:
-        options = [each for each in value["anyOf"] if each.get("type") != "null"]
+    if "anyOf" in value or "oneOf" in value:
+        every = value.get("anyOf") or value["oneOf"]
+        options = [each for each in every if each.get("type") != "null"]
         return " or ".join(_json_kind(each, definitions) for each in options)
     if "enum" in value:
         return " / ".join(f"`{each}`" for each in value["enum"])
     if "const" in value:
         return f"`{value['const']}`"
+    if value["type"] == "object":
+        return "distribution"
+    if "prefixItems" in value:
+        return f"list of {len(value['prefixItems'])} numbers"
     if value["type"] == "array":
         inside = value["items"]
+        if inside["type"] == "number":
+            return "list of numbers"
         return "list of " + ("tables" if inside["type"] == "object" else "texts")
     bound = ""
     if "exclusiveMinimum" in value:

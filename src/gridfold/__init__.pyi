@@ -113,6 +113,7 @@ from gridfold.runs.simulate import simulate
 from gridfold.runs.small_signal import SmallSignal, small_signal
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.trajectory import AngleReference, Trajectory
+from gridfold.sampling import SamplePlan, SampleRun, load_plan, sample, single_sample
 from gridfold.study import Study, StudyRun, Workers, load_study, run_study
 from gridfold.systems.status import Status
 from gridfold.version import __version__
@@ -172,6 +173,8 @@ __all__ = [
     "PowerFlowResult",
     "Redispatch",
     "RungeKutta4",
+    "SamplePlan",
+    "SampleRun",
     "SaveWarning",
     "ScipyReference",
     "SetParameter",
@@ -220,6 +223,7 @@ __all__ = [
     "load_devices",
     "load_edits",
     "load_events",
+    "load_plan",
     "load_psse",
     "load_reduced",
     "load_relays",
@@ -227,10 +231,12 @@ __all__ = [
     "partition",
     "reduce",
     "run_study",
+    "sample",
     "save_reduced",
     "simulate",
     "simulate_adaptive",
     "simulate_batch",
+    "single_sample",
     "small_signal",
     "solve_power_flow",
     "to_control",

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from gridfold.numerics.newton import complex_step_jacobian, newton_batch
 
@@ -32,3 +33,27 @@ def test_newton_solves_every_column_of_the_batch():
 def test_newton_returns_the_best_point_where_there_is_no_root():
     solution = newton_batch(lambda z: z**2 + 1, np.array([[0.5]]))
     assert np.isfinite(solution).all()
+
+
+def test_it_ends_where_rounding_lets_no_correction_help():
+    calls = []
+
+    def function(z):
+        calls.append(z)
+        return z**2 - 2 + 3e-13 * (1 + len(calls) % 2)
+
+    solution = newton_batch(function, np.array([[1.0]]))
+    assert abs(solution[0, 0] - np.sqrt(2)) < 1e-12
+    assert len(calls) < 25
+
+
+def test_a_jacobian_of_the_callers_own_is_taken():
+    taken = []
+
+    def slopes(z):
+        taken.append(z)
+        return 2 * z[None]
+
+    solution = newton_batch(lambda z: z**2 - 9, np.array([[4.0]]), jacobian=slopes)
+    assert taken
+    assert solution[0, 0] == pytest.approx(3.0)

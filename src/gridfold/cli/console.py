@@ -13,6 +13,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    SpinnerColumn,
     TaskID,
     TextColumn,
     TimeRemainingColumn,
@@ -101,6 +102,36 @@ class QuietProgress(Progress):
         """End the display, if there is one."""
         if not self.disable:
             super().stop()
+
+
+@contextmanager
+def count_bar(what: str) -> Iterator[Callable[[bool, int, int, str], None]]:
+    """A bar of counts with the time left on standard error; silent where that is no terminal.
+
+    What it yields shows whether the work is being prepared, how many of `what` are done, of how many,
+    and a text.
+    """
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[counts]}", markup=False),
+        TimeRemainingColumn(),
+    )
+    with QuietProgress(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
+        task = bars.add_task("preparing", total=None, counts="")
+
+        def show(preparing: bool, done: int, total: int, counts: str) -> None:
+            bars.update(
+                task,
+                description="off-line work" if preparing else what,
+                total=total or None,
+                completed=done,
+                counts="" if preparing else counts,
+            )
+
+        yield show
 
 
 class StageBars:

@@ -6,8 +6,8 @@ from enum import IntEnum
 
 EXIT_CODES = (
     "Exit codes: 0 completed; 2 bad input or options; 3 a machine lost synchronism or was off "
-    "speed; 4 contingencies of a study failed; 5 a run was completed and violates a criterion; 130 a "
-    "study was interrupted; 1 anything else, such as non-finite states."
+    "speed; 4 contingencies or samples failed; 5 a run was completed and violates a criterion; 130 "
+    "interrupted; 1 anything else, such as non-finite states."
 )
 
 
@@ -20,3 +20,4 @@ class ExitCode(IntEnum):
     LOST_SYNCHRONISM = 3
     ROWS_FAILED = 4
     VIOLATED = 5
+    INTERRUPTED = 130

@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from threading import Event
 from typing import Annotated, Any, TextIO
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    SpinnerColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
 
-from gridfold.cli.console import QuietProgress, err, out
+from gridfold.cli.brake import brake_on_signals
+from gridfold.cli.console import count_bar, err, out
 from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import DevicesOption
 from gridfold.cli.trusted import trusted_devices
-from gridfold.errors import OutputError
+from gridfold.errors import OptionError, OutputError
 from gridfold.io.study_store import StudyStore
 from gridfold.report.result_tables import result_tables
 from gridfold.report.study_tables import (
@@ -36,15 +27,14 @@ from gridfold.report.study_tables import (
     study_facts,
 )
 from gridfold.report.tables import facts_table, shortened
+from gridfold.sampling.plan import plan_schema, write_plan
 from gridfold.study import Progress, Stage, Workers, run_study
-from gridfold.study.study_file import RunsOn, json_schema, write_template
+from gridfold.study.study_file import RunsOn, json_schema, load_study, write_template
 
-#: Exit code of a study that was interrupted and can be resumed, as of a shell after Ctrl-C.
-_INTERRUPTED = 130
 #: Rows that are shown at the end of a run.
 _ROWS = 10
 
-_worker_option = partial(typer.Option, rich_help_panel="Workers")
+worker_option = partial(typer.Option, rich_help_panel="Workers")
 output_option = partial(typer.Option, rich_help_panel="Output")
 
 _RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
@@ -72,19 +62,28 @@ StudyFolder = Annotated[Path, typer.Argument(help="Folder of the results.")]
 def init(
     file: Annotated[Path, typer.Argument(help="File to write.")] = Path("study.toml"),
     schema: Annotated[
-        bool, typer.Option("--schema", help="Print the JSON Schema of study files instead.")
+        bool, typer.Option("--schema", help="Print the JSON Schema of such files instead.")
+    ] = False,
+    samples: Annotated[
+        bool, typer.Option("--samples", help="A plan of gridfold sample instead of a study.")
     ] = False,
     devices: DevicesOption = None,
 ) -> None:
-    """Write a study file with a comment on every key.
+    """Write a study file, or a sample plan, with a comment on every key.
 
     Example: gridfold init winter.toml
     """
     if schema:
-        sys.stdout.write(json.dumps(json_schema(), indent=2) + "\n")
+        wanted = plan_schema() if samples else json_schema()
+        sys.stdout.write(json.dumps(wanted, indent=2) + "\n")
         return
-    write_template(file, devices or ())
-    out.print(f"{file} is written. Next: gridfold run {file}")
+    if samples:
+        if devices:
+            raise OptionError("--devices is for studies; a plan names them in [case]")
+        write_plan(file)
+    else:
+        write_template(file, devices or ())
+    out.print(f"{file} is written. Next: gridfold {'sample' if samples else 'run'} {file}")
 
 
 def run(
@@ -109,7 +108,7 @@ def run(
     ] = False,
     time_limit: Annotated[
         float | None,
-        _worker_option(
+        worker_option(
             help="Longest time on the machine for one contingency (s); it fails beyond.",
             show_default="that of the study",
         ),
@@ -125,18 +124,18 @@ def run(
         str | None,
         output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
     ] = None,
-    workers: Annotated[Workers, _worker_option(help="What works.")] = Workers.THREADS,
+    workers: Annotated[Workers, worker_option(help="What works.")] = Workers.THREADS,
     count: Annotated[
-        int | None, _worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
+        int | None, worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
     ] = None,
     cluster: Annotated[
-        str | None, _worker_option(help="A Dask cluster instead: local or tcp://HOST:PORT.")
+        str | None, worker_option(help="A Dask cluster instead: local or tcp://HOST:PORT.")
     ] = None,
 ) -> None:
     """Run a study: every contingency, on all cores or a cluster."""
-    trusted = trusted_devices(study, trust_devices)
+    trusted = trusted_devices(load_study(study).case.devices, study.parent, trust_devices)
     with ExitStack() as stack:
-        brake = stack.enter_context(_brake())
+        brake = stack.enter_context(brake_on_signals())
         tell = [stack.enter_context(_bar())]
         if log_json is not None:
             tell.append(_logger(stack, log_json))
@@ -175,7 +174,7 @@ def run(
             f"interrupted: {outcome.done} of {outcome.total} are done; go on with --resume",
             style="yellow",
         )
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(ExitCode.INTERRUPTED)
     if outcome.failed:
         for line in failure_lines(frame, outcome.total):
             err.print(line, style="yellow")
@@ -188,17 +187,8 @@ run.__doc__ = _RUN_HELP
 
 @contextmanager
 def _bar() -> Iterator[Callable[[Progress], None]]:
-    """A bar on standard error with counts, rate and time left; silent where that is no terminal."""
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[counts]}", markup=False),
-        TimeRemainingColumn(),
-    )
-    with QuietProgress(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
-        task = bars.add_task("preparing", total=None, counts="")
+    """A bar with counts, rate and time left."""
+    with count_bar("contingencies") as show:
 
         def tell(progress: Progress) -> None:
             counts = f"{progress.stable} stable, {progress.unstable} unstable"
@@ -207,13 +197,7 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
             if progress.per_second:
                 counts += f", {progress.per_second:.2g} a second"
             preparing = progress.stage is Stage.PREPARING
-            bars.update(
-                task,
-                description="off-line work" if preparing else "contingencies",
-                total=progress.total or None,
-                completed=progress.done,
-                counts="" if preparing else counts,
-            )
+            show(preparing, progress.done, progress.total, counts)
 
         yield tell
 
@@ -250,31 +234,3 @@ def _logger(stack: ExitStack, target: str) -> Callable[[Progress], None]:
         stream.flush()
 
     return tell
-
-
-@dataclass
-class _Brake:
-    """What Ctrl-C and a polite kill (SIGTERM) do: stop the study; at once where it is not working yet.
-
-    A second one ends the process at once.
-    """
-
-    stop: Event = field(default_factory=Event)
-    working: bool = False
-
-    def pull(self, number: int, frame: object) -> None:
-        """Handle a signal."""
-        if self.stop.is_set() or not self.working:
-            raise KeyboardInterrupt
-        self.stop.set()
-
-
-@contextmanager
-def _brake() -> Iterator[_Brake]:
-    brake, numbers = _Brake(), (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, brake.pull) for number in numbers]
-    try:
-        yield brake
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)

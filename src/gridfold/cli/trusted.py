@@ -14,22 +14,22 @@ from gridfold.io.results import write_json
 from gridfold.numerics.code_files import Code
 from gridfold.numerics.user_folders import belongs_to_user, user_folder
 from gridfold.runs.own_devices import read_devices
-from gridfold.study.study_file import load_study
 from gridfold.study.trust import code_record, listing
 
 
-def trusted_devices(study: Path, given: bool) -> frozenset[str]:
-    """Digests of the code in a study's `devices` that may run.
+def trusted_devices(names: Sequence[str], folder: Path, given: bool) -> frozenset[str]:
+    """Digests of the code in the `devices` of a study or a plan that may run.
 
     Parameters
     ----------
-    study : Path
-        The study file.
+    names : sequence of str
+        Its Python files.
+    folder : Path
+        Where their names start.
     given : bool
         Whether the user trusts all of it now. It is told what that is, and remembered.
     """
-    names = load_study(study).case.devices
-    codes = read_devices([study.parent / name for name in names])
+    codes = read_devices([folder / name for name in names])
     trusted = frozenset(code.digest for code in codes if given or _is_remembered(code))
     if given and codes:
         _tell(

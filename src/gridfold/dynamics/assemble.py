@@ -18,8 +18,13 @@ from gridfold.errors import CaseError
 from gridfold.grid.case import Case, DeviceRecord, UnitKey
 
 
-def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]:
+def assemble(
+    case: Case, devices: Mapping[str, Device] = DEVICES, sound: Sequence[DeviceRecord] = ()
+) -> list[Group]:
     """Groups of (device, units, parameter rows) of all generators and loads in service.
+
+    `sound` are records of the same units and models that are known to be without faults: what the case
+    has of them is not checked again, but for devices of loads, which hang on the load too.
 
     Raises
     ------
@@ -27,7 +32,7 @@ def assemble(case: Case, devices: Mapping[str, Device] = DEVICES) -> list[Group]
         Lists every fault of the device records: unknown models with their number, unknown, missing or
         impossible parameters, generators without a machine, two devices of one role.
     """
-    faults = list(device_faults(case, devices))
+    faults = list(device_faults(case, devices, sound))
     if faults:
         raise CaseError(faults, f"case {case.name}, dynamic devices")
     groups: list[Group] = []
@@ -103,8 +108,11 @@ def _parameter_rows(
     return np.ascontiguousarray(rows)
 
 
-def device_faults(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterator[str]:
+def device_faults(
+    case: Case, devices: Mapping[str, Device] = DEVICES, sound: Sequence[DeviceRecord] = ()
+) -> Iterator[str]:
     """Every fault of the device records of a case, as :func:`assemble` tells it."""
+    known = frozenset(map(id, sound))
     unknown = Counter(
         r.model for r in case.devices if r.model not in devices and r.model != NEGATIVE_LOAD
     )
@@ -117,13 +125,17 @@ def device_faults(case: Case, devices: Mapping[str, Device] = DEVICES) -> Iterat
         )
     ratings = _Ratings(case)
     for record in case.devices:
-        if record.model in devices:
-            for fault in _record_faults(devices[record.model], record, ratings):
+        device = devices.get(record.model)
+        if id(record) in known and (device is None or device.role is not Role.LOAD):
+            continue
+        if device is not None:
+            for fault in _record_faults(device, record, ratings):
                 yield f"{case.locate(record)}: {fault}"
         elif record.model == NEGATIVE_LOAD and record.parameters:
             names = ", ".join(record.parameters)
             yield f"{case.locate(record)}: it has no parameters, but {names} is given"
-    yield from _role_faults(case, devices)
+    if not sound:
+        yield from _role_faults(case, devices)
 
 
 def _record_faults(device: Device, record: DeviceRecord, ratings: _Ratings) -> Iterator[str]:

@@ -12,6 +12,7 @@ from collections import ChainMap
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from gridfold.dynamics.layout import Block, Layout, given_as
 from gridfold.dynamics.limiting import acting_limits, widened, without_limits
 from gridfold.errors import InitializationError
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.newton import newton_batch
+from gridfold.numerics.newton import COMPLEX_STEP, newton_batch
 from gridfold.powerflow.result import PowerFlowResult
 
 _RESIDUAL_LIMIT = 1e-6
@@ -183,8 +184,12 @@ def _start_block(
                 f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
             )
     free = replace(block, parameters=without_limits(device, block.parameters))
-    problem = _StartProblem(free, seen)
-    solution = newton_batch(problem.residual, problem.guess())
+    names = {*device.inputs, *device.targets} - set(device.solved_inputs)
+    given_values = {
+        name: np.array([_value_of(device, unit, name, seen) for unit in units]) for name in names
+    }
+    problem = _StartProblem(free, given_values)
+    solution = newton_batch(problem.residual, problem.guess(), jacobian=problem.jacobian)
     problem.check(solution)
     x, u, p, y = problem.split(solution.astype(np.complex128))
     solved = [device.inputs.index(name) for name in device.solved_inputs]
@@ -242,15 +247,11 @@ def _check_limits(
 class _StartProblem:
     """The equations of a block's start: unknowns are states, set points and solved inputs."""
 
-    def __init__(self, block: Block, known: Mapping[tuple[UnitKey, str], float]):
+    def __init__(self, block: Block, known: Mapping[str, NDArray[np.float64]]):
         self.block = block
         self.device: Device = block.device
         self.unknowns = (*self.device.states, *self.device.set_points, *self.device.solved_inputs)
-        names = {*self.device.inputs, *self.device.targets} - set(self.device.solved_inputs)
-        self.known = {
-            name: np.array([_value_of(self.device, unit, name, known) for unit in block.units])
-            for name in names
-        }
+        self.known = known
         self.targets = [self.known[name] for name in self.device.targets]
         self.parameters = dict(zip(self.device.parameter_rows, block.parameters, strict=True))
 
@@ -294,6 +295,30 @@ class _StartProblem:
             for name, target in zip(self.device.targets, self.targets, strict=True)
         ]
         return np.concatenate([dx, np.array(errors).reshape(-1, z.shape[1])])
+
+    def jacobian(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Slopes of the residuals in the unknowns, (n_unknowns, n_unknowns, n_units), by complex steps.
+
+        All unknowns are stepped at once, each in columns of its own.
+        """
+        n, units = z.shape
+        stepped = np.repeat(z.astype(np.complex128)[:, None, :], n, axis=1)
+        every = np.arange(n)
+        stepped[every, every] += 1j * COMPLEX_STEP
+        found = self._side_by_side.residual(stepped.reshape(n, n * units))
+        return found.imag.reshape(n, n, units) / COMPLEX_STEP
+
+    @cached_property
+    def _side_by_side(self) -> _StartProblem:
+        """The same units again for each unknown."""
+        again = len(self.unknowns)
+        block = replace(
+            self.block,
+            units=self.block.units * again,
+            parameters=np.ascontiguousarray(np.tile(self.block.parameters, again)),
+        )
+        known = {name: np.tile(values, again) for name, values in self.known.items()}
+        return _StartProblem(block, known)
 
     def check(self, solution: NDArray[np.float64]) -> None:
         """Raise unless every unit has an equilibrium; names the worst unit and equation."""

@@ -8,7 +8,7 @@ All names are resolved to positions here, none while stepping.
 from __future__ import annotations
 
 from collections.abc import Collection, Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,6 +84,17 @@ class Layout:
     signal_slots: Mapping[tuple[UnitKey, str], int] = field(repr=False)
     state_names: tuple[str, ...] = field(repr=False)
     relayed: frozenset[tuple[UnitKey, str]] = frozenset()
+
+    def holds(self, groups: Sequence[Group]) -> bool:
+        """Whether these are the units that it has."""
+        units = {device.model: tuple(units) for device, units, _ in groups}
+        return units == {block.device.model: block.units for block in self.blocks}
+
+    def with_parameters(self, groups: Sequence[Group]) -> Layout:
+        """The same places of the same units with the parameters of `groups`, which are in any order."""
+        rows = {device.model: parameters for device, _, parameters in groups}
+        blocks = (replace(block, parameters=rows[block.device.model]) for block in self.blocks)
+        return replace(self, blocks=tuple(blocks))
 
     @cached_property
     def speed_states(self) -> dict[UnitKey, int]:

@@ -17,7 +17,7 @@ from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
 from gridfold.dynamics.initialize import OnLimit, Start, initialize
 from gridfold.dynamics.jacobian import Partials, joined_partials
-from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Layout, build_layout
+from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Group, Layout, build_layout
 from gridfold.dynamics.network import (
     Injections,
     NetworkBackend,
@@ -70,6 +70,18 @@ class StartData(NamedTuple):
     injections: Injections
 
 
+class Origin(NamedTuple):
+    """What models at any operating point of a case are made from.
+
+    `devices` are all models by name, `layout` has the parameters as the case has them, `apart` are
+    loads that are sources and nothing besides.
+    """
+
+    devices: Mapping[str, Device]
+    layout: Layout
+    apart: frozenset[UnitKey]
+
+
 @dataclass(frozen=True, repr=False)
 class DetailedModel(Card):
     """All dynamic devices of a case on its network in one state: x' = f(x).
@@ -104,6 +116,8 @@ class DetailedModel(Card):
         What was done where the operating point is beyond a limit of a device.
     start : StartData, optional
         Layout and injections before the network state changed them.
+    origin : Origin, optional
+        What the model was made from, before the start filled in set points.
     """
 
     power_flow: PowerFlowResult
@@ -119,6 +133,7 @@ class DetailedModel(Card):
     doubts: tuple[Doubt, ...] = ()
     on_limit: OnLimit = OnLimit.ERROR
     start: StartData | None = field(default=None, repr=False)
+    origin: Origin | None = field(default=None, repr=False)
 
     @cached_property
     def compiled(self) -> CompiledRhs:
@@ -241,13 +256,43 @@ class DetailedModel(Card):
         steps = {unit: -power for unit, power in before.items()}
         for unit, power in dispatch:
             steps[unit] = steps.get(unit, 0.0) + power
-        devices = {block.device.model: block.device for block in self.layout.blocks}
         try:
-            solved = solve_power_flow(redispatched(self.case, steps))
-            model = _built(solved, self.backend, devices, self.on_limit, self.loads)
+            model = self.at(solve_power_flow(redispatched(self.case, steps)))
         except (PowerFlowError, InitializationError) as error:
             raise type(error)(f"after the redispatch: {error}") from None
         return replace(model, state=replace(model.state, dispatch=tuple(dispatch)))
+
+    def at(self, power_flow: PowerFlowResult) -> DetailedModel:
+        """The model of the same network at another operating point, in the state of the case.
+
+        The same as :func:`build_model` gives, at a fraction of its time: devices and places are known.
+
+        Parameters
+        ----------
+        power_flow : PowerFlowResult
+            Of a case that differs in powers, voltages and device parameters alone
+            (:func:`gridfold.grid.operating_point.at_operating_point`); its data are not looked at for
+            values that are hardly meant.
+
+        Raises
+        ------
+        CaseError
+            Parameters of devices are wrong; lists every fault.
+        InitializationError
+            A device has no equilibrium there, or is beyond a limit.
+        """
+        assert self.origin is not None
+        devices, layout, apart = self.origin
+        case, before = power_flow.case, self.injections.nonlinear
+        nonlinear = _nonlinear(power_flow, self.loads, devices, apart)
+        ports, known = (() if loads is None else loads.buses for loads in (nonlinear, before))
+        rated = any(block.device.role is Role.LOAD for block in layout.blocks)
+        if case.devices is not self.case.devices or ports != known or rated:
+            groups = assemble(case, devices, self.case.devices)
+            same = ports == known and layout.holds(groups)
+            layout = layout.with_parameters(groups) if same else build_layout(groups, ports)
+        rest = (self.backend, self.on_limit, self.loads, self.doubts)
+        return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
         """The same devices with other parameters, in this network state."""
@@ -376,20 +421,51 @@ def _built(
     on_limit: OnLimit,
     loads: LoadModel,
 ) -> DetailedModel:
-    case = solved.case
-    groups, characteristics = assemble(case, devices), load_characteristics(case, devices)
-    apart = {unit for device, units, _ in groups if device.role is Role.LOAD for unit in units}
-    apart -= set(characteristics)
-    nonlinear = nonlinear_loads(solved, loads, characteristics, apart)
-    ports = () if nonlinear is None else nonlinear.buses
+    groups = assemble(solved.case, devices)
     for device, _, parameters in groups:
         try_once(device, parameters)
-    layout = build_layout(groups, ports)
+    apart = _standing_apart(groups, load_characteristics(solved.case, devices))
+    nonlinear = _nonlinear(solved, loads, devices, apart)
+    layout = build_layout(groups, () if nonlinear is None else nonlinear.buses)
+    doubts = model_doubts(solved, devices)
+    origin = Origin(devices, layout, apart)
+    return _started(origin, solved, nonlinear, backend, on_limit, loads, doubts)
+
+
+def _standing_apart(
+    groups: Sequence[Group], characteristics: Collection[UnitKey]
+) -> frozenset[UnitKey]:
+    """Loads that are sources, and nothing besides."""
+    sources = {unit for device, units, _ in groups if device.role is Role.LOAD for unit in units}
+    return frozenset(sources - set(characteristics))
+
+
+def _nonlinear(
+    solved: PowerFlowResult,
+    loads: LoadModel,
+    devices: Mapping[str, Device],
+    apart: Collection[UnitKey],
+) -> NonlinearLoads | None:
+    """Parts of loads that are no impedances."""
+    return nonlinear_loads(solved, loads, load_characteristics(solved.case, devices), apart)
+
+
+def _started(
+    origin: Origin,
+    solved: PowerFlowResult,
+    nonlinear: NonlinearLoads | None,
+    backend: NetworkBackend,
+    on_limit: OnLimit,
+    loads: LoadModel,
+    doubts: tuple[Doubt, ...],
+) -> DetailedModel:
+    """The model at its equilibrium, from a layout with the parameters of the case."""
+    layout = origin.layout
     start = initialize(layout, solved, on_limit)
-    state = initial_state(case)
-    injections = _in_state(solved, _injections(solved, start, nonlinear, apart), state)
+    state = initial_state(solved.case)
+    injections = _in_state(solved, _injections(solved, start, nonlinear, origin.apart), state)
     equations = build_equations(solved, injections, layout.terminals, state)
-    _require_voltage(layout, equations, case)
+    _require_voltage(layout, equations, solved.case)
     model = DetailedModel(
         solved,
         start.layout,
@@ -400,8 +476,9 @@ def _built(
         state,
         equations,
         loads=loads,
-        doubts=model_doubts(solved, devices),
+        doubts=doubts,
         on_limit=on_limit,
+        origin=origin,
     )
     moved = (_LIMIT_MOVED + line for line in start.adjusted)
     warnings = (*moved, *_check_equilibrium(start, model.compiled, solved))
@@ -486,6 +563,8 @@ def _check_equilibrium(
 ) -> tuple[str, ...]:
     residual = np.abs(rhs(start.x0)) if rhs.n_states else np.zeros(1)
     worst = int(np.argmax(np.nan_to_num(residual, nan=np.inf)))
+    if residual[worst] < RESIDUAL_GOOD:
+        return ()
     good = good_residual(power_flow)
     if residual[worst] < good:
         return ()

@@ -73,6 +73,15 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def write_new(path: Path, text: str) -> None:
+    """Write a text to a file that is not there yet; an :class:`OutputError` otherwise."""
+    check_target(path)
+    if path.exists():
+        raise OutputError(f"{path}: exists already; nothing was written")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def write_json(path: Path, data: Any) -> None:
     """Write JSON with two spaces of indentation."""
     text = json_text(data)

@@ -34,14 +34,14 @@ def locked(folder: Path) -> Iterator[None]:
         held.release()
 
 
-def lock(folder: Path) -> FileLock:
+def lock(folder: Path, what: str = "study") -> FileLock:
     """The lock of a folder, held; an OptionError if another process holds it."""
     held = FileLock(folder / LOCK)
     try:
         with telling(folder):
             held.acquire(timeout=0)
     except Timeout:
-        raise OptionError(f"another process is working on the study in {folder}") from None
+        raise OptionError(f"another process is working on the {what} in {folder}") from None
     return held
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 #: Length of a complex step: so small that the derivative is exact to rounding
 #: (Squire & Trapp, SIAM Review 40 (1998), pp. 110-112).
 COMPLEX_STEP = 1e-200
+#: Residual below which Newton's method ends where no correction makes any better: rounding.
+_ROUNDING = 1e-10
 
 Batch = NDArray[np.float64]
 ComplexBatch = NDArray[np.complex128]
@@ -30,24 +33,28 @@ def newton_batch(
     start: Batch,
     tolerance: float = 1e-13,
     max_iterations: int = 30,
+    jacobian: Callable[[Batch], Batch] | None = None,
 ) -> Batch:
     """Solve function(z) = 0 for each column of `start`, shape (n, batch).
 
     Iterates until no residual exceeds `tolerance` or no correction improves it; the caller judges
-    the residual that is left.
+    the residual that is left. `jacobian` gives the Jacobians as :func:`complex_step_jacobian` does,
+    which stands for it by default.
     """
+    slopes = jacobian or partial(complex_step_jacobian, function)
     z = start.copy()
     best, best_error = z, np.full(z.shape[1], np.inf)
     for _ in range(max_iterations):
         residual = function(z.astype(np.complex128)).real
         error = np.abs(residual).max(axis=0, initial=0.0)
-        best = np.where(error < best_error, z, best)
+        better = error < best_error
+        best = np.where(better, z, best)
         best_error = np.fmin(error, best_error)
-        if (best_error <= tolerance).all():
+        left = best_error > tolerance
+        if not left.any() or ((best_error <= _ROUNDING).all() and not better[left].any()):
             break
-        jacobian = complex_step_jacobian(function, z)
         try:
-            correction = np.linalg.solve(jacobian.transpose(2, 0, 1), residual.T[:, :, None])
+            correction = np.linalg.solve(slopes(z).transpose(2, 0, 1), residual.T[:, :, None])
         except np.linalg.LinAlgError:
             break
         z = z - correction[:, :, 0].T

@@ -6,15 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
 
 from gridfold.errors import PowerFlowError
-from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, Control
-from gridfold.grid.islands import island_labels
-from gridfold.grid.nodes import joined, node_of_buses
-from gridfold.grid.validation import require_valid
-from gridfold.powerflow.angles import shifted_branches
 from gridfold.powerflow.dc_flow import DcFlow
 from gridfold.powerflow.injections import (
     dc_flows,
@@ -24,6 +18,7 @@ from gridfold.powerflow.injections import (
     share_out,
 )
 from gridfold.powerflow.island import Problem, solve_island
+from gridfold.powerflow.network import FlowNetwork
 from gridfold.powerflow.result import PowerFlowResult
 
 _MAX_LOAD_ITERATIONS = 100
@@ -31,7 +26,9 @@ _WORST = 5
 _RANK = {Control.POWER: 0, Control.VOLTAGE: 1, Control.SLACK: 2}
 
 
-def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
+def solve_power_flow(
+    case: Case, tolerance: float = 1e-10, network: FlowNetwork | None = None
+) -> PowerFlowResult:
     """Solve the power flow of a case.
 
     Newton's method starts from the stored voltages, and once more from a flat start if that fails or
@@ -49,6 +46,8 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     tolerance : float
         Largest power mismatch allowed, in per unit on the system base. Where admittances are so large
         that rounding alone leaves more, ``100 eps (|Y| |V|)_i |V_i|`` at bus i is allowed.
+    network : FlowNetwork, optional
+        Its network, from another case that differs in powers alone; the case is not checked then.
 
     Returns
     -------
@@ -62,9 +61,8 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     PowerFlowError
         No solution was found; names the buses with the largest mismatch.
     """
-    require_valid(case)
-    nodes = node_of_buses(case)
-    admittance = joined(bus_admittance(case), nodes)
+    network = FlowNetwork.of(case) if network is None else network
+    nodes = network.nodes
     voltage = _at_set_points(case, nodes, _stored(case, nodes))
     iterations, change = 0, 0.0
     load, flows = _drawn(case, voltage[nodes])
@@ -72,7 +70,7 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
     part = tolerance / 2 if depends else tolerance
     for _ in range(_MAX_LOAD_ITERATIONS):
         drawn = load + dc_power(case, flows)
-        voltage, count, worst = _solve_islands(case, nodes, admittance, drawn, voltage, part)
+        voltage, count, worst = _solve_islands(case, network, drawn, voltage, part)
         iterations += count
         if not depends:
             break
@@ -86,7 +84,7 @@ def solve_power_flow(case: Case, tolerance: float = 1e-10) -> PowerFlowResult:
             f"{_MAX_LOAD_ITERATIONS} power flows; they still change by "
             f"{change * case.base_mva:.3g} MVA"
         )
-    generation = voltage * np.conj(admittance @ voltage)
+    generation = voltage * np.conj(network.admittance @ voltage)
     np.add.at(generation, nodes, load + dc_power(case, flows))
     unit_power, sent = share_out(case, nodes, generation)
     flows = tuple(_with_held_voltage(case, flow, sent) for flow in flows)
@@ -115,25 +113,22 @@ def _with_held_voltage(case: Case, flow: DcFlow, sent: dict[int, float]) -> DcFl
 
 def _solve_islands(
     case: Case,
-    nodes: NDArray[np.int64],
-    admittance: csc_array,
+    network: FlowNetwork,
     drawn: NDArray[np.complex128],
     start: NDArray[np.complex128],
     tolerance: float,
 ) -> tuple[NDArray[np.complex128], int, float]:
     """Voltages of nodes with constant power, most Newton iterations, largest mismatch."""
-    scheduled, kind = _schedule(case, nodes, drawn)
-    stored = _at_set_points(case, nodes, start)
+    scheduled, kind = _schedule(case, network.nodes, drawn)
+    stored = _at_set_points(case, network.nodes, start)
     voltage = stored.copy()
     iterations, worst = 0, 0.0
-    labels, branches = island_labels(case), shifted_branches(case)
-    firsts = np.unique(nodes)
-    for label in np.unique(labels):
-        members = firsts[labels[firsts] == label]
+    for island in network.islands:
+        members = island.members
         problem = Problem(
-            admittance[np.ix_(members, members)],
+            island.admittance,
             scheduled[members],
-            branches.among(members),
+            island.branches,
             *(
                 np.flatnonzero(kind[members] == control).astype(np.int32)
                 for control in (Control.SLACK, Control.VOLTAGE, Control.POWER)

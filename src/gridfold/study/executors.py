@@ -53,17 +53,17 @@ def team(
     executor : Executor, optional
         An executor of the caller's, instead. Tasks and results are sent by pickle if it needs that.
     """
-    number = count or _cores()
+    number = count or cores()
     if executor is None and cluster in (None, "local"):
         check_crew(prepared, number, workers is Workers.PROCESSES or cluster is not None)
     if executor is not None:
-        size = count or getattr(executor, "_max_workers", None) or _cores()
+        size = count or getattr(executor, "_max_workers", None) or cores()
         yield Team(size, type(executor).__name__, _sender(executor, offline))
     elif cluster is not None:
         with _dask(cluster, offline, count) as members:
             yield members
     elif workers is Workers.THREADS:
-        with _quick_turns(), ThreadPoolExecutor(number) as pool:
+        with quick_turns(), ThreadPoolExecutor(number) as pool:
             name = "1 thread" if number == 1 else f"{number} threads"
             yield Team(number, name, lambda batch: pool.submit(solve_batch, prepared, batch))
     else:
@@ -97,12 +97,12 @@ def _dask(cluster: str, offline: Offline, count: int | None) -> Iterator[Team]:
         module = import_module("gridfold.study.dask_cluster")
     except ModuleNotFoundError:
         raise OptionError("--cluster needs Dask: pip install 'gridfold[cluster]'") from None
-    with module.dask_team(cluster, offline, count or _cores()) as members:
+    with module.dask_team(cluster, offline, count or cores()) as members:
         yield members
 
 
 @contextmanager
-def _quick_turns() -> Iterator[None]:
+def quick_turns() -> Iterator[None]:
     """Let threads take turns in Python's interpreter sooner.
 
     A thread that comes back from compiled code otherwise waits 5 ms for one that is in Python code.
@@ -115,7 +115,8 @@ def _quick_turns() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))  # noqa: TID251  guarded
     except AttributeError:

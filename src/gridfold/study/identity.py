@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
 
 from gridfold.errors import OptionError
 from gridfold.io.study_store import StudyStore
@@ -14,6 +15,16 @@ from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Offline
 from gridfold.study.study_file import FREE_KEYS, Study
 from gridfold.version import __version__
+
+
+class Results(Protocol):
+    """Results in a folder that tell what they are about."""
+
+    folder: Path
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """What they are about."""
 
 
 def identity_of(offline: Offline) -> dict[str, Any]:
@@ -31,17 +42,24 @@ def identity_of(offline: Offline) -> dict[str, Any]:
 
 def refuse_other(store: StudyStore, study: Study) -> None:
     """Say which key differs before the work is done, where the study file is another one."""
-    before, now = store.identity["study"], study.content()
-    for key in sorted((_flat(before).keys() | _flat(now).keys()) - FREE_KEYS):
-        was, wants = _flat(before).get(key), _flat(now).get(key)
-        if was != wants:
-            raise OptionError(
-                f"{store.folder}: the results belong to another study: {key} was {was!r} and is "
-                f"{wants!r}; take another folder with --out"
-            )
+    for key, was, wants in changed_keys(store.identity["study"], study.content(), FREE_KEYS):
+        raise OptionError(
+            f"{store.folder}: the results belong to another study: {key} was {was!r} and is "
+            f"{wants!r}; take another folder with --out"
+        )
 
 
-def refuse_other_files(store: StudyStore, files: Mapping[str, str]) -> None:
+def changed_keys(
+    before: Mapping[str, Any], now: Mapping[str, Any], free: Collection[str]
+) -> Iterator[tuple[str, Any, Any]]:
+    """Keys of a file's content that have another value now, those that are `free` to have one aside."""
+    first, second = _flat(before), _flat(now)
+    for key in sorted((first.keys() | second.keys()) - set(free)):
+        if first.get(key) != second.get(key):
+            yield key, first.get(key), second.get(key)
+
+
+def refuse_other_files(store: Results, files: Mapping[str, str]) -> None:
     """Raise an OptionError if gridfold or a file that the study names is not what the results rest on.
 
     `files` are SHA-256 by name.
@@ -75,6 +93,13 @@ def refuse_changed(
     store: StudyStore, identity: Mapping[str, Any], contingencies: Sequence[Contingency]
 ) -> None:
     """Raise an OptionError if the version, the case or the list is not that of the results."""
+    refuse_other_case(store, identity)
+    if store.contingencies() != [json.loads(json.dumps(c.record())) for c in contingencies]:
+        raise OptionError(f"{store.folder}: the list of contingencies is another one")
+
+
+def refuse_other_case(store: Results, identity: Mapping[str, Any]) -> None:
+    """Raise an OptionError if the version or the case is not that of the results."""
     there = store.identity
     words = {
         "gridfold": "another version of gridfold",
@@ -87,8 +112,6 @@ def refuse_changed(
                 f"{store.folder}: the results were made with {what} ({there.get(key)}, now "
                 f"{identity[key]}); take another folder with --out"
             )
-    if store.contingencies() != [json.loads(json.dumps(c.record())) for c in contingencies]:
-        raise OptionError(f"{store.folder}: the list of contingencies is another one")
 
 
 def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

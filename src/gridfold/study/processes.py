@@ -11,13 +11,15 @@ import signal
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sized
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from multiprocessing import connection
 from pathlib import Path
 from threading import Lock, Thread, Timer
+from typing import Any, Protocol
 
 from gridfold.errors import GridfoldWarning, OptionError
 from gridfold.study.prepare import Offline, Prepared, prepare
@@ -34,8 +36,33 @@ NO_START = (
 )
 
 
+class Limited(Protocol):
+    """What processes are given to work from."""
+
+    @property
+    def time_limit(self) -> float | None:
+        """Longest time for one piece of work in seconds."""
+
+
+@dataclass(frozen=True)
+class Trade:
+    """What a process does: makes itself ready once, then solves batches; functions of a module."""
+
+    prepare: Callable[[Any], Any]
+    solve: Callable[[Any, Any], Any]
+
+
 class Processes:
     """A pool of processes that is replaced where one of them has died.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    offline : Limited
+        What they work from, as plain data.
+    trade : Trade
+        What they do with it: a study's contingencies by default.
 
     Raises
     ------
@@ -43,20 +70,20 @@ class Processes:
         No process gets as far as the first contingency.
     """
 
-    def __init__(self, count: int, offline: Offline):
+    def __init__(self, count: int, offline: Limited, trade: Trade | None = None):
         self.count = count
         # By a file: Python hands arguments to a new process through a pipe, and waits for ever where
         # that ends before it has read them.
         self.scratch = tempfile.TemporaryDirectory(prefix="gridfold-")
         self.offline = Path(self.scratch.name) / "offline.pickle"
-        self.offline.write_bytes(pickle.dumps(offline))
+        self.offline.write_bytes(pickle.dumps((offline, trade or Trade(prepare, solve_batch))))
         self.pool = self._new()
 
     def _new(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self.count, context, _begin, (self.offline,))
 
-    def submit(self, batch: Batch) -> Future[tuple[Solved, ...]]:
+    def submit(self, batch: Sized) -> Future[Any]:
         """Give tasks to the pool."""
         try:
             return self.pool.submit(_solve, batch)
@@ -124,20 +151,21 @@ def _begin(offline: Path) -> None:
 
 
 @cache
-def _begun_study() -> Prepared:
-    return prepare(pickle.loads(_begun[-1].read_bytes()))
+def _begun_work() -> tuple[Any, Trade, float | None]:
+    """What this process is ready to work from, its trade, and its time limit in seconds."""
+    offline, trade = pickle.loads(_begun[-1].read_bytes())
+    return trade.prepare(offline), trade, offline.time_limit
 
 
 def _prove() -> None:
     """The empty first task: what it raises, each task would."""
-    _begun_study()
+    _begun_work()
 
 
-def _solve(batch: Batch) -> tuple[Solved, ...]:
-    prepared = _begun_study()
-    limit = prepared.time_limit
+def _solve(batch: Sized) -> Any:
+    prepared, trade, limit = _begun_work()
     with _last_resort(None if limit is None else limit * len(batch) + _GRACE):
-        return solve_batch(prepared, batch)
+        return trade.solve(prepared, batch)
 
 
 @contextmanager

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from importlib import resources
 from math import inf
@@ -20,11 +19,9 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    ValidationError,
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import ErrorDetails
 
 from gridfold.cards import Card
 from gridfold.dynamics.area_model import BoundaryCoupling
@@ -38,15 +35,15 @@ from gridfold.equivalents.model_kind import (
     ReducerKind,
     Weights,
 )
-from gridfold.errors import CaseFileError, OptionError, OutputError
+from gridfold.errors import OptionError
 from gridfold.grid.selection_text import Word, parse_selection
 from gridfold.io.criterion_records import criterion_from_record, criterion_schema
-from gridfold.io.results import check_target, replacing
-from gridfold.io.tables import read_text, read_toml, suggest
+from gridfold.io.results import write_new
 from gridfold.runs.loading import Solve
 from gridfold.runs.method import LONGEST_STEP, SHORTEST_STEP, Method
 from gridfold.runs.monitor import DEFAULT_MONITOR, parse_monitor
 from gridfold.runs.synchronism import SynchronismCriterion
+from gridfold.study.checked_file import checked, read_checked
 
 Positive = Annotated[float, Field(gt=0, lt=inf)]
 NotNegative = Annotated[float, Field(ge=0, lt=inf)]
@@ -58,14 +55,14 @@ FREE_KEYS = frozenset({"run.time_limit", "run.batch", "run.device"})
 def _where(word: Word) -> AfterValidator:
     """Checks that a text chooses something of a grid; its numbers are first those of `word`."""
 
-    def checked(text: str) -> str:
+    def well_formed(text: str) -> str:
         try:
             parse_selection(text, "place", word)
         except OptionError as error:
             raise ValueError(str(error).removeprefix("place: ")) from None
         return text
 
-    return AfterValidator(checked)
+    return AfterValidator(well_formed)
 
 
 #: What is chosen of a grid: ``study area``, ``1-36,78``, ``area:2 except kv<100``, ``line:3-2`` ...
@@ -123,13 +120,13 @@ class Kept(Enum):
     ALL = "all"
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
     """A table of the file: unknown keys are refused, values are not changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class CaseSection(_Section):
+class CaseSection(Section):
     """The grid."""
 
     source: str = Field(
@@ -175,7 +172,7 @@ class CaseSection(_Section):
     )
 
 
-class StudyArea(_Section):
+class StudyArea(Section):
     """The study area. Where nothing is given a built-in case has one of its own."""
 
     buses: Where | None = Field(default=None, description="Buses such as 1-36,78 or area:1.")
@@ -187,7 +184,7 @@ class StudyArea(_Section):
     )
 
 
-class ContingencySection(_Section):
+class ContingencySection(Section):
     """A contingency with events of its own."""
 
     name: str = Field(min_length=1, description="Its name; every contingency has another one.")
@@ -196,7 +193,7 @@ class ContingencySection(_Section):
     )
 
 
-class Contingencies(_Section):
+class Contingencies(Section):
     """What happens to the grid."""
 
     bus_faults: Where = Field(
@@ -218,7 +215,7 @@ class Contingencies(_Section):
     )
 
 
-class Model(_Section):
+class Model(Section):
     """The model that is simulated; what is not given is as on the command line."""
 
     kind: ModelKind = Field(
@@ -293,7 +290,7 @@ class Model(_Section):
         )
 
 
-class Run(_Section):
+class RunOptions(Section):
     """How each run is stepped, and when it ends."""
 
     t_end: Positive = Field(default=16.0, description="End of each run (s).")
@@ -313,6 +310,16 @@ class Run(_Section):
         description="Longest time on the machine for one contingency (s); it fails beyond. It may "
         "differ where a study goes on.",
     )
+
+    @property
+    def criterion(self) -> SynchronismCriterion:
+        """When a run ends as unstable."""
+        return SynchronismCriterion(self.angle_limit_deg, self.speed_limit)
+
+
+class Run(RunOptions):
+    """How each run is stepped, and when it ends."""
+
     batch: SideBySide = Field(
         default=SideBySide.AUTO,
         description="Contingencies advance together where that is faster, or one by one.",
@@ -322,13 +329,8 @@ class Run(_Section):
         description="What contingencies run on: a GPU where one is found, the CPU, or a GPU only.",
     )
 
-    @property
-    def criterion(self) -> SynchronismCriterion:
-        """When a run ends as unstable."""
-        return SynchronismCriterion(self.angle_limit_deg, self.speed_limit)
 
-
-class Check(_Section):
+class Check(Section):
     """Detailed runs beside those of a reduced model: the evidence of its accuracy."""
 
     sample: Count | Literal["all"] = Field(
@@ -338,7 +340,7 @@ class Check(_Section):
     )
 
 
-class ClearingTimes(_Section):
+class ClearingTimes(Section):
     """Critical clearing times of faults that are alone in their contingency."""
 
     wanted: bool = Field(default=False, description="Find them, on the model of the study.")
@@ -348,7 +350,7 @@ class ClearingTimes(_Section):
     longest: Positive = Field(default=2.0, description="Longest one tried (s).")
 
 
-class OutputsWanted(_Section):
+class OutputsWanted(Section):
     """What is kept besides the summaries."""
 
     curves: bool = Field(
@@ -375,7 +377,7 @@ class OutputsWanted(_Section):
         return self.monitor if isinstance(self.monitor, str) else ", ".join(self.monitor)
 
 
-class Study(Card, _Section):
+class Study(Card, Section):
     """A study: the whole file."""
 
     model_config = ConfigDict(title="gridfold study", extra="forbid", frozen=True)
@@ -450,14 +452,7 @@ def load_study(path: str | Path) -> Study:
     CaseFileError
         The file cannot be read, or something in it is wrong: every fault with its line.
     """
-    path = Path(path)
-    data = read_toml(path)
-    lines = _Lines(read_text(path))
-    try:
-        return Study.model_validate(data)
-    except ValidationError as error:
-        faults = [_fault(item, lines, path) for item in error.errors()]
-        raise CaseFileError(faults, str(path)) from None
+    return read_checked(Path(path), Study)
 
 
 def parse_study(content: dict[str, Any]) -> Study:
@@ -468,10 +463,7 @@ def parse_study(content: dict[str, Any]) -> Study:
     CaseFileError
         Something in it is wrong: every fault.
     """
-    try:
-        return Study.model_validate(content)
-    except ValidationError as error:
-        raise CaseFileError([_fault(item) for item in error.errors()], "study") from None
+    return checked(content, Study, "study")
 
 
 def with_own_devices(study: Study, files: Sequence[str | Path], folder: Path) -> Study:
@@ -505,80 +497,5 @@ def write_template(path: str | Path, devices: Sequence[str | Path] = ()) -> None
         The file exists, or cannot be written.
     """
     path = Path(path)
-    check_target(path)
-    if path.exists():
-        raise OutputError(f"{path}: exists already; nothing was written")
-    with replacing(path) as temporary:
-        names = [Path(os.path.relpath(file, path.parent)).as_posix() for file in devices]
-        temporary.write_text(template(names), encoding="utf-8")
-
-
-class _Lines:
-    """Finds the line of a key in a TOML text, for messages."""
-
-    def __init__(self, text: str):
-        self._where: dict[tuple[str, ...], int] = {}
-        counts: Counter[tuple[str, ...]] = Counter()
-        table: tuple[str, ...] = ()
-        for number, line in enumerate(text.splitlines(), start=1):
-            text = line.strip()
-            if text.startswith("["):
-                table = tuple(map(_bare, text.lstrip("[").partition("]")[0].split(".")))
-                self._where.setdefault(table, number)
-                if text.startswith("[["):
-                    table, name = (*table, str(counts[table])), table
-                    counts[name] += 1
-                    self._where[table] = number
-            elif "=" in text:
-                self._where.setdefault((*table, _bare(text.partition("=")[0])), number)
-
-    def find(self, location: Sequence[int | str]) -> int | None:
-        """Line of a key, or of the innermost table around it that the file has."""
-        every = tuple(map(str, location))
-        names = tuple(part for part in location if isinstance(part, str))
-        for length in range(len(every), 0, -1):
-            for known in (every[:length], names[:length]):
-                if known in self._where:
-                    return self._where[known]
-        return None
-
-
-def _bare(key: str) -> str:
-    """A key without quotes."""
-    return key.strip().strip("\"'")
-
-
-def _fault(item: ErrorDetails, lines: _Lines | None = None, path: Path | None = None) -> str:
-    """One line about a fault: where, what, and the nearest known key if it is an unknown one."""
-    location = [part for part in item["loc"] if part not in ("int", "literal['all']")]
-    line = None if lines is None else lines.find(location)
-    where = f"{path}:{line}: " if line is not None else ""
-    key = ".".join(str(part) for part in location)
-    if item["type"] == "extra_forbidden":
-        known = list(_known_keys(location[:-1]))
-        return f"{where}unknown key {key!r}; {suggest(str(location[-1]), known)}"
-    if item["type"] == "missing":
-        return f"{where}{key} is missing"
-    message = item["msg"].removeprefix("Value error, ")
-    if not key:
-        return message
-    value = item["input"]
-    shown = "" if isinstance(value, dict) or repr(value) in message else f", not {value!r}"
-    return f"{where}{key}: {message[:1].lower()}{message[1:]}{shown}"
-
-
-def _known_keys(location: Sequence[int | str]) -> Iterator[str]:
-    """Keys of the table at `location`."""
-    section: Any = Study
-    for part in location:
-        if isinstance(part, int):
-            section = ContingencySection
-        else:
-            section = next(
-                item.annotation
-                for name, item in section.model_fields.items()
-                if part in (name, item.alias)
-            )
-    if isinstance(section, type) and issubclass(section, BaseModel):
-        for name, item in section.model_fields.items():
-            yield item.alias or name
+    names = [Path(os.path.relpath(file, path.parent)).as_posix() for file in devices]
+    write_new(path, template(names))

@@ -158,7 +158,7 @@ class Work:
             for what, batches in self.rounds:
                 self._begin(batches)
                 self._tell(Stage.RUNNING, message=what or self.crew.description)
-                while self._hand_out() and not stop.is_set():
+                while not stop.is_set() and self._hand_out():
                     done, _ = wait(self.flying, _GLANCE, FIRST_COMPLETED)
                     self._take(done)
                 if stop.is_set() or self.lost:
