@@ -115,7 +115,7 @@ def run(
     ] = None,
     device: Annotated[
         RunsOn | None,
-        _worker_option(
+        worker_option(
             help="What contingencies run on; auto: a GPU where one is found.",
             show_default="that of the study",
         ),
