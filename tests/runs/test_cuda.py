@@ -53,13 +53,15 @@ def test_runs_move_and_some_lose_synchronism(found: dict[str, Any]) -> None:
 def test_a_study_has_the_same_rows_on_both(found: dict[str, Any]) -> None:
     frames = {
         device: pd.read_json(StringIO(rows), orient="split")
-        for device, (rows, _) in found["studies"].items()
+        for device, (rows, _, _) in found["studies"].items()
     }
     pd.testing.assert_frame_equal(frames["cpu"], frames["cuda"], rtol=1e-9, atol=1e-9)
+    starts = {device: started for device, (_, _, started) in found["studies"].items()}
+    assert starts == {"cpu": 0, "cuda": 2}, "a trial, and all contingencies at once"
 
 
 def test_a_study_says_what_stays_on_the_cpu(found: dict[str, Any]) -> None:
-    words = {device: " ".join(said) for device, (_, said) in found["studies"].items()}
+    words = {device: " ".join(said) for device, (_, said, _) in found["studies"].items()}
     assert "contingencies with redispatch run on the CPU, the others on a GPU" in words["cuda"]
     assert "GPU" not in words["cpu"]
 
