@@ -117,7 +117,8 @@ def measure(samples: int, folder: Path) -> Section:
     )  # fmt: skip
     remark = (
         "NPCC, two processes, runs of 16 s in detail, a power flow for each sample; timed "
-        f"from the command's start to its end. Killed {KILLS} times at work and resumed: every sample is there once."
+        f"from the command's start to its end. Killed {KILLS} times at work and resumed: every sample "
+        "is there once."
     )
     goal = Goal(
         f"{WANTED:,} samples at this rate on two cores (s)", WANTED * alone / samples, LIMIT_S, 0

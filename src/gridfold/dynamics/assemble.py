@@ -112,7 +112,7 @@ def device_faults(
     case: Case, devices: Mapping[str, Device] = DEVICES, sound: Sequence[DeviceRecord] = ()
 ) -> Iterator[str]:
     """Every fault of the device records of a case, as :func:`assemble` tells it."""
-    known = frozenset(map(id, sound))
+    checked = frozenset(map(id, sound))
     unknown = Counter(
         r.model for r in case.devices if r.model not in devices and r.model != NEGATIVE_LOAD
     )
@@ -126,7 +126,7 @@ def device_faults(
     ratings = _Ratings(case)
     for record in case.devices:
         device = devices.get(record.model)
-        if id(record) in known and (device is None or device.role is not Role.LOAD):
+        if id(record) in checked and (device is None or device.role is not Role.LOAD):
             continue
         if device is not None:
             for fault in _record_faults(device, record, ratings):
