@@ -439,8 +439,7 @@ def test_a_run_is_held_against_criteria(command, tmp_path):
     begin = ("simulate", "npcc", "--fault-bus", 3, "--t-end", 2, "--criteria", file)
     code, out, _ = command(*begin, "--criterion", "frequency from 59 to 61 Hz")
     assert code == 5
-    assert "violated" in out
-    assert "frequency from 59 to 61 Hz" in " ".join(out.split())
+    assert all(word in out for word in ("violated", "kept", "frequency"))
     code, out, _ = command(*begin, "--json", "-")
     found = json.loads(out)["criteria"]
     assert [item["verdict"] for item in found] == ["violated"]

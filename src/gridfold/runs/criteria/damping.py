@@ -11,6 +11,8 @@ from gridfold.runs.dominant_swing import dominant_swing, late_swing, swings
 from gridfold.runs.summary import Summary
 from gridfold.runs.trajectory import Trajectory
 
+#: Part of the energy below which a swing is said not to be the only one.
+_MOST_OF_IT = 0.5
 _STILL = "nothing swings after the last event"
 
 
@@ -45,4 +47,9 @@ def damping_finding(
         None,
         f"{where} swings with {found.frequency_hz:.2f} Hz and {value:.2f} % of damping",
     )
-    return finding.noted(f"{where} lies {APPROXIMATE}") if outside(run, [unit.bus]) else finding
+    notes = []
+    if found.share < _MOST_OF_IT:
+        notes.append(f"only {found.share:.0%} of the swing; others overlap, see eigenvalues")
+    if outside(run, [unit.bus]):
+        notes.append(f"{where} lies {APPROXIMATE}")
+    return finding.noted(*notes)
