@@ -168,10 +168,14 @@ def test_python_beside_it_gives_the_same_curves(example):
     np.testing.assert_allclose(names["frame"].set_index("time"), table, atol=0.02)
 
 
-def test_n_minus_1_of_an_area_trips_its_lines_ties_and_machines(results, example):
+def test_n_minus_1_of_an_area_leaves_the_frequency_band_where_a_machine_is_lost(results, example):
     frame, _ = results("n_minus_1")
     assert frame["kind"].value_counts().to_dict() == {"line fault": 14, "machine trip": 2}
     assert sum(name.startswith("line 15-25") for name in frame.index) == 4
+    lost = (frame["islanded_mw"] > 0) | (frame["kind"] == "machine trip")
+    assert 0 < lost.sum() < len(frame)
+    assert ((frame["violations"] > 0) == lost).all()
+    assert set(frame["violated"][lost]) == {"frequency from 59.3 to 60.7 Hz"}
     folder = example("n_minus_1")[0] / "study.results"
     with gf.StudyStore.read(folder) as store:
         assert "interface_mw:EXPORT" in store.curves(1)["watched_names"]
