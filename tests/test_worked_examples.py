@@ -56,13 +56,7 @@ def results(example):
 
 def test_the_examples_are_there():
     assert STUDIES == ["n_minus_1", "npcc_study", "own_exciter_study", "psse_study"]
-    assert [
-        *STUDIES[:2],
-        "own_exciter_dyr",
-        *STUDIES[2:],
-        "reduce_and_decide",
-        "watch_flows",
-    ] == FOLDERS
+    assert {"own_exciter_dyr", "reduce_and_decide", "watch_flows"} < set(FOLDERS)
 
 
 @pytest.mark.parametrize("name", FOLDERS)
