@@ -19,7 +19,8 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 GUIDE = EXAMPLES.parent / "docs" / "howto" / "study.md"
 EDITING = GUIDE.with_name("editing.md")
 NOTEBOOKS = sorted(path.name for path in EXAMPLES.glob("*.ipynb"))
-FOLDERS = sorted(path.parent.name for path in EXAMPLES.glob("*/README.md"))
+#: The samples have a test of their own, of a smaller plan: tests/sampling/test_example.py.
+FOLDERS = sorted({path.parent.name for path in EXAMPLES.glob("*/README.md")} - {"npcc_samples"})
 STUDIES = sorted(path.parent.name for path in EXAMPLES.glob("*/study.toml"))
 
 
