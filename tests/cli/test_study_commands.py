@@ -141,7 +141,8 @@ def test_what_makes_no_sense_is_refused_with_what_does(command, here):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_leaves_a_study_that_goes_on(command, here, number):
-    (here / "short.toml").write_text(SHORT.replace("1-4,26", "1-60").replace("1.0", "9.0"))
+    one_by_one = SHORT + 'batch = "off"\n'
+    (here / "short.toml").write_text(one_by_one.replace("1-4,26", "1-60").replace("1.0", "9.0"))
     arguments = ["run", "short.toml", "--log-json", "log.jsonl"]
     with subprocess.Popen(
         [sys.executable, "-m", "gridfold", *arguments],
@@ -275,6 +276,7 @@ def test_formulas_in_a_csv_file_are_told_and_defused(command, here):
 
 
 def test_failed_rows_have_an_exit_code_are_counted_and_tried_again(command, here, monkeypatch):
+    (here / "short.toml").write_text(SHORT + 'batch = "off"\n')
     original = solve.simulate
 
     def simulate(model, events, *rest):

@@ -63,7 +63,8 @@ def test_a_contingency_beyond_its_time_fails_and_is_tried_again(tmp_path):
 
 
 def test_what_failed_gets_the_row_of_an_undisturbed_run(tmp_path, monkeypatch):
-    run_study(parse_study(NPCC), tmp_path / "calm", count=2)
+    study = parse_study(NPCC | {"run": NPCC["run"] | {"batch": "off"}})
+    run_study(study, tmp_path / "calm", count=2)
     original = gf.simulate
 
     def simulate(model, events, *rest):
@@ -72,9 +73,9 @@ def test_what_failed_gets_the_row_of_an_undisturbed_run(tmp_path, monkeypatch):
         return original(model, events, *rest)
 
     monkeypatch.setattr("gridfold.study.solve.simulate", simulate)
-    assert run_study(parse_study(NPCC), tmp_path / "a", count=2).failed == 2
+    assert run_study(study, tmp_path / "a", count=2).failed == 2
     monkeypatch.undo()
-    done = run_study(parse_study(NPCC), tmp_path / "a", count=2, retry_failed=True)
+    done = run_study(study, tmp_path / "a", count=2, retry_failed=True)
     assert (done.stage, done.done, done.failed) == (Stage.DONE, 6, 0)
     pd.testing.assert_frame_equal(rows(tmp_path / "a"), rows(tmp_path / "calm"))
     assert check_store(tmp_path / "a").damage == ()

@@ -316,7 +316,7 @@ def test_workers_have_the_code_from_the_run_that_sends_it(here, monkeypatch):
 
     with Sending(1) as executor:
         assert run(here, executor=executor).failed == 0
-    assert len(sent) == 2
+    assert sent
     monkeypatch.setattr("gridfold.study.prepare.SOURCES", "0" * 64)
     with pytest.raises(gf.OptionError, match="other sources of gridfold"):
         prepare(sent[0])
