@@ -564,7 +564,10 @@ REDUCED = ("simulate", "npcc", "--t-end", 0.1, "--model")
         ((*REDUCED, "adaptive", "--whole-deg", -1), "whole_deg must be 0 degrees or more"),
         ((*REDUCED, "retained", "--retain", -1), "greater than or equal to 0"),
         ((*REDUCED, "retained", "--retain", 40), "of 39 external machines 40 cannot be taken"),
-        ((*REDUCED, "retained", "--retain-buses", "42,23"), "to be retained is at bus 23"),
+        (
+            (*REDUCED, "retained", "--retain-buses", "42,23"),
+            "to be retained: there is no machine at bus 23",
+        ),
         (
             (*REDUCED, "retained", "--retain-buses", 42, "--retain", 1),
             "give one of the column norm, the buses and the number of retained machines",

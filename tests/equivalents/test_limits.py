@@ -80,7 +80,7 @@ def limit_texts(run: AdaptiveRun) -> list[str]:
 
 
 def passed_texts(run: AdaptiveRun) -> list[str]:
-    return [notice.text for notice in run.trajectory.notices if "passed" in notice.text]
+    return [notice.text for notice in run.trajectory.notices if "wrong beyond" in notice.text]
 
 
 @KINDS

@@ -25,7 +25,7 @@ def test_all_kernels_and_every_way_to_simulate_are_compiled():
         for kernel in (device.source, device.output, device.derivative)
         if kernel is not None
     ]
-    assert len(list(module._steps())) == 2 * len(kernels) + 1 + len(module._REDUCED)
+    assert len(list(module._steps())) == 3 * len(kernels) + 1 + len(module._REDUCED)
     assert {settings.kind for settings in module._REDUCED} == {
         ModelKind.ADAPTIVE, ModelKind.WHOLE, ModelKind.PAPER, ModelKind.PAPER_WHOLE,
     }  # fmt: skip

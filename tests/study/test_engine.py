@@ -388,7 +388,7 @@ def test_a_contingency_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch
             raise ArithmeticError("the sky has fallen")
         return original(model, events, *rest)
 
-    for module in ("simulate", "batch"):
+    for module in ("simulate", "members"):
         monkeypatch.setattr(f"gridfold.runs.{module}.plan_simulation", plan_simulation)
     study = parse_study(SHORT | {"run": {"t_end": 1.0, "batch": batch}})
     run = run_study(study, tmp_path / "a", count=2)

@@ -107,6 +107,7 @@ def examine(connection: sqlite3.Connection) -> Content:
         sealed = is_sealed(connection)
         digest = SEAL if sealed else "NULL"
         _read_about(connection, content, digest)
+        _require_columns(content)
         _read_contingencies(connection, content, digest)
         _read_results(connection, content, digest)
         content.unsealed = 0 if sealed else len(content.results)
@@ -142,6 +143,13 @@ def _require_tables(connection: sqlite3.Connection) -> None:
     for name in TABLES:
         if kinds.get(name) != "table":
             raise sqlite3.DatabaseError(f"it has no table {name!r}")
+
+
+def _require_columns(content: Content) -> None:
+    """Raise where the figures have other names than those that were written."""
+    written = content.about.get("columns")
+    if written is not None and not content.columns.keys() <= json.loads(written).keys():
+        raise sqlite3.DatabaseError("its columns are not those that were written")
 
 
 def _broken(values: Sequence[Any], digest: Any, sealed: bool) -> str | None:

@@ -13,6 +13,7 @@ from scipy.linalg import eig
 
 from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.unit_limits import touched_held
 from gridfold.numerics.blas import one_blas_thread
 
 
@@ -86,8 +87,12 @@ class SmallSignal(Card):
 
 @one_blas_thread
 def small_signal(model: DetailedModel, x: NDArray[np.float64] | None = None) -> SmallSignal:
-    """Eigenvalues and participation factors at the state `x` (the equilibrium by default)."""
-    jacobian = model.jacobian(model.x0 if x is None else x)
+    """Eigenvalues and participation factors at the state `x` (the equilibrium by default).
+
+    What is just at a limit is held there.
+    """
+    at = model.x0 if x is None else x
+    jacobian = touched_held(model, at, model.layout.source_units).jacobian(at)
     values, left, right = eig(jacobian, left=True, right=True)
     order = np.lexsort((-values.imag, -values.real))
     values, left, right = values[order], left[:, order], right[:, order]
