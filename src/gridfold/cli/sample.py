@@ -12,7 +12,7 @@ import typer
 from gridfold.cli.brake import brake_on_signals
 from gridfold.cli.console import count_bar, err, out
 from gridfold.cli.exit_codes import ExitCode
-from gridfold.cli.study import output_option, worker_option
+from gridfold.cli.study import CountOption, ResumeOption, output_option, worker_option
 from gridfold.cli.trusted import trusted_devices
 from gridfold.report.tables import facts_table
 from gridfold.sampling import SampleProgress, SampleRun, load_plan
@@ -42,9 +42,7 @@ def sample(
         Path | None,
         output_option("--out", help="Folder of the data.", show_default="PLAN.samples"),
     ] = None,
-    resume: Annotated[
-        bool, output_option("--resume", help="Go on with what the folder holds.")
-    ] = False,
+    resume: ResumeOption = False,
     trust_devices: Annotated[
         bool,
         typer.Option(
@@ -53,9 +51,7 @@ def sample(
         ),
     ] = False,
     workers: Annotated[Workers, worker_option(help="What works.")] = Workers.PROCESSES,
-    count: Annotated[
-        int | None, worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
-    ] = None,
+    count: CountOption = None,
 ) -> None:
     """Make a labelled data set of operating points and faults."""
     trusted = trusted_devices(load_plan(plan).case.devices, plan.parent, trust_devices)

@@ -34,8 +34,12 @@ from gridfold.study.study_file import RunsOn, json_schema, load_study, write_tem
 #: Rows that are shown at the end of a run.
 _ROWS = 10
 
-worker_option = partial(typer.Option, rich_help_panel="Workers")
 output_option = partial(typer.Option, rich_help_panel="Output")
+worker_option = partial(typer.Option, rich_help_panel="Workers")
+ResumeOption = Annotated[bool, output_option("--resume", help="Go on with what the folder holds.")]
+CountOption = Annotated[
+    int | None, worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
+]
 
 _RUN_HELP = """Run a study: every contingency, on all cores or a cluster.
 
@@ -92,9 +96,7 @@ def run(
         Path | None,
         output_option("--out", help="Folder of the results.", show_default="STUDY.results"),
     ] = None,
-    resume: Annotated[
-        bool, output_option("--resume", help="Go on with what the folder holds.")
-    ] = False,
+    resume: ResumeOption = False,
     trust_devices: Annotated[
         bool,
         typer.Option(
@@ -125,9 +127,7 @@ def run(
         output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
     ] = None,
     workers: Annotated[Workers, worker_option(help="What works.")] = Workers.THREADS,
-    count: Annotated[
-        int | None, worker_option("--jobs", "-j", min=1, help="How many.", show_default="cores")
-    ] = None,
+    count: CountOption = None,
     cluster: Annotated[
         str | None, worker_option(help="A Dask cluster instead: local or tcp://HOST:PORT.")
     ] = None,
