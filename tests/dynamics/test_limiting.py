@@ -21,7 +21,7 @@ def rates_and_outputs(device, x, u, p):
 
 @pytest.mark.parametrize("model", LIMITED)
 def test_acting_limits_are_those_whose_removal_alone_changes_something(model):
-    """At random states, half of them near the middle of all limits, with each limit taken away by itself."""
+    """At random states, half of them in the middle of all limits; each limit goes by itself."""
     device, rng = DEVICES[model], np.random.default_rng(len(model))
     p = rng.uniform(0.1, 1.5, (len(device.parameter_rows), N_UNITS))
     x = rng.normal(0.0, 1.0, (len(device.states), N_UNITS))
@@ -37,7 +37,9 @@ def test_acting_limits_are_those_whose_removal_alone_changes_something(model):
         free = p.copy()
         free[device.parameter_rows.index(limit.parameter)] = limit.side.value * NO_LIMIT
         with np.errstate(invalid="ignore"):
-            change = np.abs(rates_and_outputs(device, x, u, free) - rates_and_outputs(device, x, u, p))
+            change = np.abs(
+                rates_and_outputs(device, x, u, free) - rates_and_outputs(device, x, u, p)
+            )
             expected = (change > ACTING).any(axis=0)
         if limit.state is not None:
             beyond = x[device.states.index(limit.state)] - limit_value(device, limit, p)
