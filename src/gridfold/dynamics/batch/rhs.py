@@ -43,7 +43,7 @@ from gridfold.dynamics.rhs import (
 )
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import compile_callback, compiled_part
-from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.lanes import WIDTH, aligned, all_lanes, load_lanes, store_lanes
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 # The header goes on behind that of the detailed model.
@@ -137,17 +137,17 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
     header[MEMBERS] = members
     header[[N_MACHINES, MACHINES_AT]] = len(layout.sources), integers.add(layout.sources)
     header[FACTORS_AT] = integers.add(factors.integers)
-    header[FACTOR_REALS_AT] = reals.add(factors.reals)
     header[LIVE_AT] = reals.add(np.ones((len(layout.sources), members)))
     header[RANKS_AT] = integers.add(np.zeros(groups + members))
     header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
     header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
     header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    header[FACTOR_REALS_AT] = reals.add(factors.reals)
     header[COMPENSATING_AT] = data.work_size
     compiled = CompiledRhs(
         _compiled().address,
         np.concatenate([header, integers.join()]),
-        reals.join(),
+        aligned(reals.join()),
         data.work_size + 2 * rank * members,
         layout.n_states * members,
     )
