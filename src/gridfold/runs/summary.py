@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,16 +108,16 @@ class Summarizer:
     def summary(self) -> Summary:
         """Of all parts so far."""
         swings = [
-            Swing(unit, *map(float, figures))
+            Swing(unit, *figures)
             for unit, *figures in zip(
                 self.model.machines,
-                np.rad2deg(self._peak),
-                self._peak_at,
-                self._slowest,
-                self._fastest,
+                np.rad2deg(self._peak).tolist(),
+                self._peak_at.tolist(),
+                self._slowest.tolist(),
+                self._fastest.tolist(),
                 strict=True,
             )
-            if not np.isnan(figures[2])
+            if not isnan(figures[2])
         ]
         swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
         gone = cut_off(self.model, self._last or self.model)
@@ -125,12 +126,12 @@ class Summarizer:
 
     def _take_swings(self, part: Part) -> None:
         machines = self.model.machines
-        moved = part.relative_angles()
+        angles = part.relative_angles
         speed = part.signals(self.model.slots("speed", machines))
         out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
         if self._last is None:
-            self._start = moved[0].copy()
-        moved -= self._start
+            self._start = angles[0].copy()
+        moved = angles - self._start
         if out or np.isnan(self._start).any():
             moved = np.nan_to_num(moved)
             speed = speed.copy()
