@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.rows import column_range, extreme_rows
 from gridfold.runs.extremes import Extreme, VoltageRange
 from gridfold.runs.island_figures import CutOff, FrequencyRange, cut_off, frequency_range
 from gridfold.runs.parts import Part
@@ -131,19 +132,16 @@ class Summarizer:
         out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
         if self._last is None:
             self._start = angles[0].copy()
-        moved = angles - self._start
-        if out or np.isnan(self._start).any():
-            moved = np.nan_to_num(moved)
-            speed = speed.copy()
-            speed[:, out] = np.nan
         every = np.arange(len(machines))
-        for row in (np.argmax(moved, axis=0), np.argmin(moved, axis=0)):
-            largest = moved[row, every]
+        for row in extreme_rows(angles):
+            largest = angles[row, every] - self._start
             further = np.abs(largest) > np.abs(self._peak)
             self._peak = np.where(further, largest, self._peak)
             self._peak_at = np.where(further, part.times[row], self._peak_at)
-        self._slowest = np.fmin(self._slowest, np.fmin.reduce(speed, axis=0))
-        self._fastest = np.fmax(self._fastest, np.fmax.reduce(speed, axis=0))
+        slowest, fastest = column_range(speed)
+        slowest[out] = fastest[out] = np.nan
+        self._slowest = np.fmin(self._slowest, slowest)
+        self._fastest = np.fmax(self._fastest, fastest)
 
     def _take_voltages(self, block: Part) -> None:
         """Lowest and highest voltage of energized buses since the network changed last."""
