@@ -50,7 +50,9 @@ class Products:
 def with_products(kernel: Callable[..., Any]) -> Products:
     """The kernel with products; as it is where it is none of the package's, or not a single loop."""
     function = _written(kernel)
-    loops = [] if function is None else [part for part in function.body if isinstance(part, ast.For)]
+    loops = (
+        [] if function is None else [part for part in function.body if isinstance(part, ast.For)]
+    )
     if function is None or len(loops) != 1 or not isinstance(loops[0].target, ast.Name):
         return Products(kernel)
     replaced = _Replaced(function.args.args[_PARAMETERS].arg, loops[0].target.id)
