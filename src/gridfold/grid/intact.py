@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from functools import wraps
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from gridfold.grid.case import Case
 
-Found = TypeVar("Found")
+Found = TypeVar("Found", covariant=True)
 
 
-def intact_once(
-    find: Callable[[Case, Collection[int]], Found],
-) -> Callable[[Case, Collection[int] | None], Found]:
+class OfBranches(Protocol[Found]):
+    """Finds something of a case with open branches at the positions `branches_out`, or with its own."""
+
+    def __call__(self, case: Case, branches_out: Collection[int] | None = None) -> Found:
+        """What it finds."""
+
+
+def intact_once(find: Callable[[Case, Collection[int]], Found]) -> OfBranches[Found]:
     """Keep with a case what `find` gives for its own open branches; most states have the same.
 
     Without `branches_out` these are meant. What is found is shared: nobody may write into it.
