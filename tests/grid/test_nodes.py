@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 import gridfold as gf
+from gridfold.grid.admittance import bus_admittance
+from gridfold.grid.islands import island_labels
 from gridfold.grid.nodes import joined, node_of_buses
 
 
@@ -52,3 +54,13 @@ def test_rows_and_columns_of_joined_buses_add_up():
 
     found = joined(csc_array(dense), nodes).toarray()
     np.testing.assert_allclose(found, spread.T @ dense @ spread, atol=1e-15)
+
+
+@pytest.mark.parametrize("find", [node_of_buses, island_labels, lambda *a: bus_admittance(*a).data])
+def test_what_the_branches_of_a_case_give_is_found_once_and_cannot_be_overwritten(find):
+    case = chain(6, out=(7,))
+    found = find(case)
+    assert find(case, [2]) is found
+    assert find(case, {1, 2}) is not found
+    with pytest.raises(ValueError, match="read-only"):
+        found[0] = 7

@@ -5,6 +5,7 @@ import numpy as np
 from gridfold.numerics.compiled import jit
 from gridfold.numerics.lanes import (
     WIDTH,
+    aligned,
     all_lanes,
     beyond_lanes,
     load_lanes,
@@ -35,3 +36,11 @@ def test_lanes_follow_numpy():
     np.testing.assert_allclose(found[1], np.abs(x - b), rtol=1e-14)
     assert np.array_equal(found[2], ~(x <= b))
     assert np.array_equal(found[3], np.where(x < b, x, b))
+
+
+def test_aligned_numbers_begin_at_a_line_of_the_cache():
+    for size in (8, 24, 4096):
+        copy = aligned(np.arange(float(size)).reshape(2, -1))
+        assert copy.ctypes.data % 64 == 0
+        assert copy.flags.c_contiguous
+        assert copy.ravel().tolist() == list(range(size))

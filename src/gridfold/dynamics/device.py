@@ -45,6 +45,7 @@ from gridfold.errors import DeviceError
 from gridfold.numerics.code_digest import code_digest
 from gridfold.numerics.code_files import package_name
 from gridfold.numerics.compiled import compile_callback, invoke, jit
+from gridfold.numerics.products import with_products
 from gridfold.numerics.unit_matrix import ROLES, UnitMatrix, unit_matrix
 from gridfold.numerics.vector_code import vector_code
 
@@ -401,6 +402,17 @@ def batch_kernel(kernel: Kernel) -> Any:
     """The same for units of many runs at once: its elementary functions are vector instructions."""
     signature = _signature(kernel, types.float64)
     return compile_callback(vector_code(kernel), signature, kind="vector code")
+
+
+@cache
+def batch_derivative(kernel: Kernel) -> Any:
+    """The same for derivatives, whose parameters go on with their inverses.
+
+    See :func:`gridfold.numerics.products.with_products`.
+    """
+    signature = _signature(kernel, types.float64)
+    product = with_products(kernel).function
+    return compile_callback(vector_code(product), signature, kind="vector code, products")
 
 
 def _signature(kernel: Kernel, number: Any) -> Any:

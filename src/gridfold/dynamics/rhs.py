@@ -205,7 +205,7 @@ def _call_row(
     row[INPUT_ROWS] = 0 if kernel is block.device.source else len(block.device.inputs)
     row[INPUT_INDEX_AT] = inputs_at
     row[INPUT_RUNS_AT] = runs_at
-    row[PARAMETER_ROWS] = len(block.device.parameter_rows)
+    row[PARAMETER_ROWS] = len(block.parameters)
     row[PARAMETERS_AT] = parameters_at
     row[SIGNAL_ROWS] = len(block.device.signal_rows)
     row[SIGNALS_AT] = block.signal_start

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 
 from gridfold.grid.case import Branch, Case
+from gridfold.grid.intact import intact_once
 
 #: Where a case keeps the admittances of its branches.
 _KNOWN = "branch_admittances"
@@ -52,15 +53,15 @@ def branch_admittances(branches: Collection[Branch]) -> BranchAdmittances:
     )
 
 
-def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> csc_array:
+@intact_once
+def bus_admittance(case: Case, branches_out: Collection[int]) -> csc_array:
     """Admittance matrix of branches and fixed shunts in per unit, shape (n_buses, n_buses).
 
     `branches_out` are the positions of open branches; by default those out of service in the case.
     Joined buses have rows of their own: :func:`gridfold.grid.nodes.joined` adds them up.
     """
-    is_out = case.branches_out if branches_out is None else branches_out
     kept = np.ones(len(case.branches), dtype=bool)
-    kept[sorted(is_out)] = False
+    kept[sorted(branches_out)] = False
     y, (first, second) = _all_branches(case), case.branch_ends[kept].T
     index = case.bus_index
     shunts = [shunt for shunt in case.shunts if shunt.in_service]
@@ -72,7 +73,9 @@ def bus_admittance(case: Case, branches_out: Collection[int] | None = None) -> c
     columns = (first, second, first, second, at)
     n = len(case.buses)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return coo_array(entries, shape=(n, n)).tocsc()
+    matrix = coo_array(entries, shape=(n, n)).tocsc()
+    matrix.data.setflags(write=False)
+    return matrix
 
 
 def _all_branches(case: Case) -> BranchAdmittances:

@@ -11,19 +11,22 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gridfold.grid.case import Case
+from gridfold.grid.intact import intact_once
 
 
-def island_labels(case: Case, branches_out: Collection[int] | None = None) -> NDArray[np.int64]:
+@intact_once
+def island_labels(case: Case, branches_out: Collection[int]) -> NDArray[np.int64]:
     """Number of the island of each bus, shape (n_buses,), counted from 0.
 
     `branches_out` are the positions of open branches; by default those out of service in the case.
     """
-    is_out = case.branches_out if branches_out is None else branches_out
-    ends = np.delete(case.branch_ends, sorted(is_out), axis=0)
+    ends = np.delete(case.branch_ends, sorted(branches_out), axis=0)
     n = len(case.buses)
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n))
     _, labels = connected_components(graph.tocsr(), directed=False)
-    return np.asarray(labels, dtype=np.int64)
+    labels = labels.astype(np.int64)
+    labels.setflags(write=False)
+    return np.asarray(labels)
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,13 @@ class MotorTrips(Relay):
     def elements(self, case: Case) -> list[Element]:
         """One for each motor with a trip."""
         tripped = [record for record in case.devices if _trips(record)]
-        if not tripped:
-            return []
-        live = {load.key for load in case.loads if load.in_service}
+        live = {load.key for load in case.loads if load.in_service} if tripped else set()
         return list(_elements(case, [record for record in tripped if record.key in live]))
 
 
 def _trips(record: DeviceRecord) -> bool:
-    return all(record.parameters.get(name, 0.0) > 0 for name in ("trip_voltage", "trip_cycles"))
+    values = record.parameters
+    return values.get("trip_voltage", 0.0) > 0 and values.get("trip_cycles", 0.0) > 0
 
 
 def _elements(case: Case, records: list[DeviceRecord]) -> Iterator[Element]:

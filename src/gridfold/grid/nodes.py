@@ -10,19 +10,26 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components
 
 from gridfold.grid.case import Case
+from gridfold.grid.intact import intact_once
 
 
-def node_of_buses(case: Case, branches_out: Collection[int] | None = None) -> NDArray[np.int64]:
+@intact_once
+def node_of_buses(case: Case, branches_out: Collection[int]) -> NDArray[np.int64]:
     """The node of each bus: the position of the first bus that is joined to it, shape (n_buses,).
 
     `branches_out` are the positions of open branches; by default those out of service in the case.
     """
-    is_out = case.branches_out if branches_out is None else branches_out
+    nodes = _first_of_joined(case, branches_out)
+    nodes.setflags(write=False)
+    return nodes
+
+
+def _first_of_joined(case: Case, branches_out: Collection[int]) -> NDArray[np.int64]:
     n = len(case.buses)
     ends = [
         (case.bus_index[branch.from_bus], case.bus_index[branch.to_bus])
         for position, branch in enumerate(case.branches)
-        if branch.joins and position not in is_out
+        if branch.joins and position not in branches_out
     ]
     if not ends:
         return np.arange(n)
@@ -30,7 +37,7 @@ def node_of_buses(case: Case, branches_out: Collection[int] | None = None) -> ND
     graph = coo_array((np.ones(len(ends)), (first, second)), shape=(n, n))
     _, labels = connected_components(graph.tocsr(), directed=False)
     _, firsts = np.unique(labels, return_index=True)
-    return np.asarray(firsts[labels], dtype=np.int64)
+    return np.array(firsts[labels], dtype=np.int64)
 
 
 def joined(matrix: csc_array, nodes: NDArray[np.int64]) -> csc_array:

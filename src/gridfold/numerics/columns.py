@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from gridfold.numerics.compiled import FAST, compiled_part, invoke, jit
 from gridfold.numerics.lanes import (
     WIDTH,
+    aligned,
+    aligned_zeros,
     all_lanes,
     beyond_lanes,
     load_lanes,
@@ -63,10 +65,10 @@ class Spread:
         n = len(index)
         return cls(
             index,
-            np.zeros((1, n, members)),
-            np.zeros((1, n, members)),
-            np.zeros((1, members)),
-            np.full((n, members), np.inf),
+            aligned_zeros(1, n, members),
+            aligned_zeros(1, n, members),
+            aligned_zeros(1, members),
+            aligned(np.full((n, members), np.inf)),
         )
 
     def put(self, member: int, watch: SpreadWatch | None) -> None:
@@ -89,13 +91,15 @@ class Spread:
         self.fixed[:groups, member] = np.where(free, 0.0, watch.reference)
 
     def _make_room(self, groups: int) -> None:
-        more = groups - len(self.fixed)
-        if more > 0:
-            self.share = np.concatenate([self.share, np.zeros((more, *self.share.shape[1:]))])
-            self.member_of = np.concatenate(
-                [self.member_of, np.zeros((more, *self.member_of.shape[1:]))]
-            )
-            self.fixed = np.concatenate([self.fixed, np.zeros((more, self.fixed.shape[1]))])
+        known = len(self.fixed)
+        if groups <= known:
+            return
+        before = self.share, self.member_of, self.fixed
+        self.share, self.member_of, self.fixed = (
+            aligned_zeros(groups, *part.shape[1:]) for part in before
+        )
+        for part, there in zip((self.share, self.member_of, self.fixed), before, strict=True):
+            part[:known] = there
 
 
 @dataclass(frozen=True)
@@ -154,13 +158,13 @@ class Columns:
 
     def __post_init__(self) -> None:
         n, members = self.rhs.n_states, self.members
-        self.x = np.zeros(n)
+        self.x = aligned_zeros(n)
         self.times = np.zeros((members, self.length))
         self.row, self.last, self.history, self.verdict = np.zeros((4, members), dtype=np.int64)
         self.record = np.empty((members, self.length, len(self.kept)))
-        self._work, self._ring = np.zeros(self.rhs.work_size), np.zeros(1, dtype=np.int64)
-        self._slopes = np.zeros((4 if self.adams else 1, n))
-        self._stage, self._slope, self._sum = np.zeros((3, n))
+        self._work, self._ring = aligned_zeros(self.rhs.work_size), np.zeros(1, dtype=np.int64)
+        self._slopes = aligned_zeros(4 if self.adams else 1, n)
+        self._stage, self._slope, self._sum = aligned_zeros(3, n)
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -248,60 +252,52 @@ def _judge(x, members, index, share, member_of, fixed, limit, above):
 @compiled_part
 def _runge_kutta_start(members, n, x, f, h, stage, total):
     """The first stage of all members: the point in the middle, and what is summed up so far."""
-    for s in range(0, n, members):
-        for b in range(0, members, WIDTH):
-            step, now, rate = load_lanes(h, b), load_lanes(x, s + b), load_lanes(f, s + b)
-            store_lanes(total, s + b, now + (1 / 6) * step * rate)
-            store_lanes(stage, s + b, now + 0.5 * step * rate)
+    for b in range(0, members, WIDTH):
+        step = load_lanes(h, b)
+        for s in range(b, n, members):
+            now, rate = load_lanes(x, s), load_lanes(f, s)
+            store_lanes(total, s, now + (1 / 6) * step * rate)
+            store_lanes(stage, s, now + 0.5 * step * rate)
 
 
 @compiled_part
 def _mixed_start(members, n, x, f0, f1, f2, f3, weights, stage, total):
     """The same where some members follow the Adams rule, by the weights of each, (8, members)."""
-    for s in range(0, n, members):
-        for b in range(0, members, WIDTH):
-            a, now = s + b, load_lanes(x, s + b)
-            r0, r1, r2, r3 = (
-                load_lanes(f0, a), load_lanes(f1, a), load_lanes(f2, a), load_lanes(f3, a)
-            )  # fmt: skip
-            ahead = (
-                now
-                + load_lanes(weights, b) * r0
-                + load_lanes(weights, members + b) * r1
-                + load_lanes(weights, 2 * members + b) * r2
-                + load_lanes(weights, 3 * members + b) * r3
-            )
-            behind = (
-                now
-                + load_lanes(weights, 4 * members + b) * r0
-                + load_lanes(weights, 5 * members + b) * r1
-                + load_lanes(weights, 6 * members + b) * r2
-            )
-            store_lanes(stage, a, ahead)
-            mixed = load_lanes(weights, 7 * members + b)
-            store_lanes(total, a, behind + mixed * (ahead - behind))
+    for b in range(0, members, WIDTH):
+        a0, a1 = load_lanes(weights, b), load_lanes(weights, members + b)
+        a2, a3 = load_lanes(weights, 2 * members + b), load_lanes(weights, 3 * members + b)
+        b0, b1 = load_lanes(weights, 4 * members + b), load_lanes(weights, 5 * members + b)
+        b2, mixed = load_lanes(weights, 6 * members + b), load_lanes(weights, 7 * members + b)
+        for s in range(b, n, members):
+            now, r0, r1 = load_lanes(x, s), load_lanes(f0, s), load_lanes(f1, s)
+            r2, r3 = load_lanes(f2, s), load_lanes(f3, s)
+            ahead = now + a0 * r0 + a1 * r1 + a2 * r2 + a3 * r3
+            behind = now + b0 * r0 + b1 * r1 + b2 * r2
+            store_lanes(stage, s, ahead)
+            store_lanes(total, s, behind + mixed * (ahead - behind))
 
 
 @compiled_part
 def _go_on(members, n, x, k, ahead, share, stage, total):
     """Add a stage's slope to the sum, and go to the next stage."""
-    for s in range(0, n, members):
-        for b in range(0, members, WIDTH):
-            rate = load_lanes(k, s + b)
-            store_lanes(total, s + b, load_lanes(total, s + b) + load_lanes(share, b) * rate)
-            store_lanes(stage, s + b, load_lanes(x, s + b) + load_lanes(ahead, b) * rate)
+    for b in range(0, members, WIDTH):
+        further, part = load_lanes(ahead, b), load_lanes(share, b)
+        for s in range(b, n, members):
+            rate = load_lanes(k, s)
+            store_lanes(total, s, load_lanes(total, s) + part * rate)
+            store_lanes(stage, s, load_lanes(x, s) + further * rate)
 
 
 @compiled_part
 def _finish(members, n, x, k, share, total, wrong):
     """Add the last slope: the new states. `wrong` is not a number where one of them is not finite."""
     for b in range(0, members, WIDTH):
-        store_lanes(wrong, b, all_lanes(0.0))
-    for s in range(0, n, members):
-        for b in range(0, members, WIDTH):
-            new = load_lanes(total, s + b) + load_lanes(share, b) * load_lanes(k, s + b)
-            store_lanes(x, s + b, new)
-            store_lanes(wrong, b, load_lanes(wrong, b) + 0.0 * new)
+        part, odd = load_lanes(share, b), all_lanes(0.0)
+        for s in range(b, n, members):
+            new = load_lanes(total, s) + part * load_lanes(k, s)
+            store_lanes(x, s, new)
+            odd = odd + 0.0 * new
+        store_lanes(wrong, b, odd)
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)

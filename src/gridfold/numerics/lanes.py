@@ -9,18 +9,39 @@ other or with one number.
 from __future__ import annotations
 
 import operator
+from math import prod
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+from numpy.typing import NDArray
 
 #: Numbers in a group.
 WIDTH = 8
 
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _CONTRACT = ("contract",)
+
+
+def aligned_zeros(*shape: int) -> NDArray[np.float64]:
+    """Zeros whose groups of :data:`WIDTH` do not lie across two lines of the cache.
+
+    A register that is loaded across two lines costs as much as two.
+    """
+    size = prod(shape)
+    room = np.zeros(size + WIDTH)
+    first = -room.ctypes.data // room.itemsize % WIDTH
+    return room[first : first + size].reshape(shape)
+
+
+def aligned(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy of numbers that begins where those of :func:`aligned_zeros` do."""
+    copy = aligned_zeros(*values.shape)
+    copy[...] = values
+    return copy
 
 
 class Lanes(types.Type):

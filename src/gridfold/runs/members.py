@@ -59,11 +59,13 @@ class _KeptStates:
 
     def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
         """Kept states at some positions."""
+        first = int(np.searchsorted(self.index, index[0])) if len(index) else 0
+        if np.array_equal(self.index[first : first + len(index)], index):
+            return z[:, first : first + len(index)]
         at = np.minimum(np.searchsorted(self.index, index), len(self.index) - 1)
         if not np.array_equal(self.index[at], index):
             self.lift(z)
-        whole = len(at) > 0 and bool((np.diff(at) == 1).all())
-        return z[:, at[0] : at[-1] + 1] if whole else z[:, at]
+        return z[:, at]
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Those of a state of the whole system."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -64,11 +65,11 @@ class Part:
         frame = angle_frame(self.model)
         return self._of_machines(frame.references_of(self.states_at(frame.slots)))
 
+    @cached_property
     def relative_angles(self) -> NDArray[np.float64]:
         """Rotor angles in rad against these references, shape (n, n_machines)."""
         frame = angle_frame(self.model)
-        angles = self.states_at(frame.slots)
-        return self._of_machines(angles - frame.references_of(angles))
+        return self._of_machines(frame.relative(self.states_at(frame.slots)))
 
     def _of_machines(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns of the machines in service as columns of all machines."""

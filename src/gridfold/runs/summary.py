@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.rows import column_range, extreme_rows
 from gridfold.runs.extremes import Extreme, VoltageRange
 from gridfold.runs.island_figures import CutOff, FrequencyRange, cut_off, frequency_range
 from gridfold.runs.parts import Part
@@ -107,16 +109,16 @@ class Summarizer:
     def summary(self) -> Summary:
         """Of all parts so far."""
         swings = [
-            Swing(unit, *map(float, figures))
+            Swing(unit, *figures)
             for unit, *figures in zip(
                 self.model.machines,
-                np.rad2deg(self._peak),
-                self._peak_at,
-                self._slowest,
-                self._fastest,
+                np.rad2deg(self._peak).tolist(),
+                self._peak_at.tolist(),
+                self._slowest.tolist(),
+                self._fastest.tolist(),
                 strict=True,
             )
-            if not np.isnan(figures[2])
+            if not isnan(figures[2])
         ]
         swings.sort(key=lambda swing: -abs(swing.largest_angle_deg))
         gone = cut_off(self.model, self._last or self.model)
@@ -125,24 +127,21 @@ class Summarizer:
 
     def _take_swings(self, part: Part) -> None:
         machines = self.model.machines
-        moved = part.relative_angles()
+        angles = part.relative_angles
         speed = part.signals(self.model.slots("speed", machines))
         out = [k for k, unit in enumerate(machines) if unit in part.model.state.units_out]
         if self._last is None:
-            self._start = moved[0].copy()
-        moved -= self._start
-        if out or np.isnan(self._start).any():
-            moved = np.nan_to_num(moved)
-            speed = speed.copy()
-            speed[:, out] = np.nan
+            self._start = angles[0].copy()
         every = np.arange(len(machines))
-        for row in (np.argmax(moved, axis=0), np.argmin(moved, axis=0)):
-            largest = moved[row, every]
+        for row in extreme_rows(angles):
+            largest = angles[row, every] - self._start
             further = np.abs(largest) > np.abs(self._peak)
             self._peak = np.where(further, largest, self._peak)
             self._peak_at = np.where(further, part.times[row], self._peak_at)
-        self._slowest = np.fmin(self._slowest, np.fmin.reduce(speed, axis=0))
-        self._fastest = np.fmax(self._fastest, np.fmax.reduce(speed, axis=0))
+        slowest, fastest = column_range(speed)
+        slowest[out] = fastest[out] = np.nan
+        self._slowest = np.fmin(self._slowest, slowest)
+        self._fastest = np.fmax(self._fastest, fastest)
 
     def _take_voltages(self, block: Part) -> None:
         """Lowest and highest voltage of energized buses since the network changed last."""

@@ -11,6 +11,7 @@ from gridfold.dynamics.layout import ROTOR_ANGLE, infinite_buses
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.rows import less_reference
 from gridfold.numerics.watch import SpreadWatch
 from gridfold.simulation.segment import Stop
 from gridfold.systems.status import Status
@@ -114,15 +115,27 @@ class AngleFrame:
 
     def references_of(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """The same from the units' rotor angles, (n_times, n_units); read only."""
+        means = self._means(angles)
+        if len(self.fixed) == 1:
+            return np.broadcast_to(means, angles.shape)
+        return np.asarray(means[:, self.island])
+
+    def relative(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rotor angles less these references, in rad, shape (n_times, n_units)."""
+        means = self._means(angles)
+        if len(self.fixed) == 1:
+            return less_reference(angles, means[:, 0])
+        return np.asarray(angles - means[:, self.island])
+
+    def _means(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Reference angle of each island, shape (n_times, n_islands)."""
         shares = np.zeros((len(self.units), len(self.fixed)))
         shares[np.arange(len(self.units)), self.island] = self.inertia
         total = shares.sum(axis=0)
         means = angles @ (shares / np.where(total, total, 1.0))
         known = ~np.isnan(self.fixed)
         means[:, known] = self.fixed[known]
-        if len(self.fixed) == 1:
-            return np.broadcast_to(means, angles.shape)
-        return np.asarray(means[:, self.island])
+        return np.asarray(means)
 
 
 def angle_frame(model: DetailedModel) -> AngleFrame:

@@ -371,7 +371,7 @@ class Trajectory(Card):
     @cached_property
     def _relative_angles(self) -> NDArray[np.float64]:
         """Rotor angle of each machine in rad against its reference, shape (n_times, n_machines)."""
-        return np.concatenate([part.relative_angles() for part in self.parts])
+        return np.concatenate([part.relative_angles for part in self.parts])
 
     def _columns_of(self, units: Sequence[UnitKey]) -> slice | list[int]:
         """Columns of machines in a table of all of them."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from gridfold.equivalents.families import Mode
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.rows import widest_row
 from gridfold.runs.dominant_swing import dominant_swing
 from gridfold.runs.extremes import Extreme
 from gridfold.runs.island_figures import FrequencyRange
@@ -241,21 +242,15 @@ def _name(status: Status) -> str:
 def _separation(run: Trajectory) -> dict[str, float]:
     """Largest difference of two rotor angles in one island."""
     largest, at = 0.0, 0.0
-    angles = run.signal("rotor_angle")
-    column = {unit: k for k, unit in enumerate(run.model.machines)}
-    for rows, model in run.stages:
-        frame, here = angle_frame(model), angles[rows]
-        for island in range(len(frame.fixed)):
-            units = [u for u, k in zip(frame.units, frame.island, strict=True) if k == island]
-            if not (units and len(here)):
-                continue
-            whole = len(units) == here.shape[1]
-            apart = here if whole else here[:, [column[unit] for unit in units]]
-            spread = np.rad2deg(apart.max(axis=1) - apart.min(axis=1))
-            row = int(np.argmax(spread))
-            if spread[row] > largest:
-                largest, at = float(spread[row]), float(run.times[rows][row])
-    return {"largest_separation_deg": largest, "separation_at": at}
+    for part in run.parts:
+        frame = angle_frame(part.model)
+        angles, islands = part.states_at(frame.slots), len(frame.fixed)
+        for island in range(islands):
+            here = angles if islands == 1 else angles[:, frame.island == island]
+            spread, row = widest_row(here)
+            if spread > largest:
+                largest, at = spread, float(part.times[row])
+    return {"largest_separation_deg": float(np.rad2deg(largest)), "separation_at": at}
 
 
 def _frequency(found: FrequencyRange | None) -> dict[str, float]:

@@ -23,7 +23,7 @@ from gridfold.dynamics.batch.factors import (
     solve_group,
     take_voltages,
 )
-from gridfold.dynamics.device import batch_kernel
+from gridfold.dynamics.device import Kernel, batch_derivative, batch_kernel
 from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.backend import CompiledNetwork
@@ -43,7 +43,8 @@ from gridfold.dynamics.rhs import (
 )
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import compile_callback, compiled_part
-from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.lanes import WIDTH, aligned, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.products import with_products
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 # The header goes on behind that of the detailed model.
@@ -131,27 +132,40 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
     scratch = factors.n_rows * ROW
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
     constants = np.repeat(model.constants, members)
-    data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=batch_kernel)
+    derivatives = {block.device.derivative for block in layout.blocks}
+
+    def compiled_of(kernel: Kernel) -> Any:
+        return (batch_derivative if kernel in derivatives else batch_kernel)(kernel)
+
+    data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=compiled_of)
     header, integers, reals = data.header, data.integers, data.reals
     n, groups = len(layout.terminals), members // WIDTH
     header[MEMBERS] = members
     header[[N_MACHINES, MACHINES_AT]] = len(layout.sources), integers.add(layout.sources)
     header[FACTORS_AT] = integers.add(factors.integers)
-    header[FACTOR_REALS_AT] = reals.add(factors.reals)
     header[LIVE_AT] = reals.add(np.ones((len(layout.sources), members)))
     header[RANKS_AT] = integers.add(np.zeros(groups + members))
     header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
     header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
     header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    header[FACTOR_REALS_AT] = reals.add(factors.reals)
     header[COMPENSATING_AT] = data.work_size
     compiled = CompiledRhs(
         _compiled().address,
         np.concatenate([header, integers.join()]),
-        reals.join(),
+        aligned(reals.join()),
         data.work_size + 2 * rank * members,
         layout.n_states * members,
     )
     return BatchRhs(model, compiled, members, rank)
+
+
+def kernel_parameters(block: Block) -> NDArray[np.float64]:
+    """Parameters of a block as its kernels in a batch take them, shape (n_rows, n_units)."""
+    if block.device.derivative is None:
+        return block.parameters
+    inverses = with_products(block.device.derivative).inverses(block.parameters)
+    return np.concatenate([block.parameters, inverses])
 
 
 def _side_by_side(layout: Layout, members: int) -> Layout:
@@ -165,7 +179,7 @@ def _side_by_side(layout: Layout, members: int) -> Layout:
         return replace(
             one,
             units=tuple(unit for unit in one.units for _ in range(members)),
-            parameters=np.repeat(one.parameters, members, axis=1),
+            parameters=np.repeat(kernel_parameters(one), members, axis=1),
             state_start=one.state_start * members,
             signal_start=one.signal_start * members,
             inputs=places(one.inputs),

@@ -19,7 +19,15 @@ from gridfold.dynamics.batch.rhs import COMPENSATING_AT, BatchRhs
 from gridfold.dynamics.rhs import N_SIGNALS
 from gridfold.numerics.columns import Observer
 from gridfold.numerics.compiled import compile_callback, compiled_part
-from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes, where_less
+from gridfold.numerics.lanes import (
+    WIDTH,
+    aligned,
+    aligned_zeros,
+    all_lanes,
+    load_lanes,
+    store_lanes,
+    where_less,
+)
 from gridfold.numerics.rhs import RHS_SIGNATURE
 
 (
@@ -114,8 +122,8 @@ def voltage_observer(rhs: BatchRhs) -> VoltageObserver:
     observer = Observer(
         _compiled().address,
         np.concatenate([header, *parts]).astype(np.int64),
-        np.concatenate([np.zeros(_BLOCKS * rhs.members), factors.reals]),
-        np.zeros(factors.n_rows * ROW),
+        aligned(np.concatenate([np.zeros(_BLOCKS * rhs.members), factors.reals])),
+        aligned_zeros(factors.n_rows * ROW),
     )
     return VoltageObserver(rhs, observer, factors.rows)
 
