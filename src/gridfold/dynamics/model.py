@@ -294,6 +294,12 @@ class DetailedModel(Card):
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
         return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
 
+    def has_places_of(self, other: DetailedModel) -> bool:
+        """Whether it has the devices and the network of the other one, whatever their values are."""
+        return self.layout.has_places_of(other.layout) and self.equations.has_places_of(
+            other.equations
+        )
+
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
         """The same devices with other parameters, in this network state."""
         return replace(self, layout=replace(self.layout, blocks=tuple(blocks)))
