@@ -1,10 +1,10 @@
-"""One sample after the other: operating point, model, run, labels; in whatever process."""
+"""Samples from what is drawn to rows: operating point, model, run, labels; in whatever process."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -24,10 +24,12 @@ from gridfold.sampling.plan import SamplePlan
 from gridfold.sampling.points import OperatingPoints
 from gridfold.sampling.rows import INFEASIBLE, labels
 from gridfold.study.prepare import Offline, Prepared, prepare
-from gridfold.study.solve import Task, solve
+from gridfold.study.solve import Task, solve_batch
 
 #: Name of the first column of curves.
 _NUMBER = "number"
+#: Samples whose models are at hand at once: more would take memory, fewer leave columns empty.
+_TOGETHER = 100
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,23 @@ class Sampler:
         vars(model)["fast_modes"] = base.fast_modes
         return model
 
-    def row(self, drawn: Draw) -> tuple[dict[str, Any], bytes | None]:
-        """The columns of a sample, and its curves as a Parquet file if they are kept."""
+    def rows(self, draws: Sequence[Draw]) -> list[tuple[dict[str, Any], bytes | None]]:
+        """The columns of some samples, whose runs advance together, and their curves if they are kept.
+
+        Curves are a Parquet file.
+        """
+        started = [self._started(drawn) for drawn in draws]
+        live = [(drawn, model) for drawn, (_, model) in zip(draws, started, strict=True) if model]
+        tasks = tuple(Task(drawn.contingency, check=False) for drawn, _ in live)
+        solved = iter(solve_batch(self.prepared, tasks, [model for _, model in live]))
+        found = [(row, None if model is None else next(solved)) for row, model in started]
+        return [
+            (row, None) if run is None else (row | labels(run.figures), run.parquet)
+            for row, run in found
+        ]
+
+    def _started(self, drawn: Draw) -> tuple[dict[str, Any], DetailedModel | None]:
+        """What is known of a sample before its run, and its model; None where there is none."""
         row: dict[str, Any] = {
             "number": drawn.number,
             "contingency": drawn.contingency.name,
@@ -121,10 +138,7 @@ class Sampler:
         except GridfoldError as error:
             reason = " ".join(str(error).split())
             return {**row, "status": INFEASIBLE, "reason": reason}, None
-        row |= self._start(model.power_flow)
-        ready = replace(self.prepared, model=model, intact={model.state: model})
-        solved = solve(ready, Task(drawn.contingency, check=False))
-        return row | labels(solved.figures), solved.parquet
+        return row | self._start(model.power_flow), model
 
     def _start(self, flow: PowerFlowResult) -> dict[str, float]:
         """Figures of an operating point."""
@@ -151,12 +165,14 @@ def make_sampler(work: SampleWork) -> Sampler:
 @one_blas_thread
 def make_chunk(sampler: Sampler, chunk: Chunk) -> Made:
     """Make the samples of a chunk."""
+    draws = [sampler.draw(chunk.first + k, numbers) for k, numbers in enumerate(chunk.rows)]
     rows, curves = [], []
-    for number, numbers in enumerate(chunk.rows, start=chunk.first):
-        row, parquet = sampler.row(sampler.draw(number, numbers))
-        rows.append(row)
-        if parquet is not None:
-            curves.append(_curves(number, parquet))
+    for first in range(0, len(draws), _TOGETHER):
+        few = draws[first : first + _TOGETHER]
+        for drawn, (row, parquet) in zip(few, sampler.rows(few), strict=True):
+            rows.append(row)
+            if parquet is not None:
+                curves.append(_curves(drawn.number, parquet))
     return Made(chunk.position, tuple(rows), _joined(curves) if curves else None)
 
 

@@ -68,14 +68,30 @@ class Solved:
 
 
 @one_blas_thread
-def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
-    """Simulate some contingencies, side by side where that is faster, else one after the other."""
+def solve_batch(
+    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None = None
+) -> tuple[Solved, ...]:
+    """Simulate some contingencies, side by side where that is faster, else one after the other.
+
+    `models` are the model of each, at an operating point of its own; by default that of the study.
+    """
     known: dict[int, Solved] = {}
     if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
         # What does not go through is tried by itself, and tells there what is wrong with it.
         with suppress(Exception):
-            known.update(_side_by_side(prepared, batch))
-    return tuple(known.get(number) or solve(prepared, task) for number, task in enumerate(batch))
+            known.update(_side_by_side(prepared, batch, models))
+    return tuple(
+        known.get(number) or solve(_at(prepared, models, number), task)
+        for number, task in enumerate(batch)
+    )
+
+
+def _at(prepared: Prepared, models: Sequence[DetailedModel] | None, number: int) -> Prepared:
+    """The study at the operating point of one of its tasks."""
+    if models is None:
+        return prepared
+    model = models[number]
+    return replace(prepared, model=model, intact={model.state: model})
 
 
 def why_one_by_one(prepared: Prepared) -> str | None:
@@ -91,23 +107,28 @@ def why_one_by_one(prepared: Prepared) -> str | None:
     return why_single(prepared.model, prepared.method.stepper)
 
 
-def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
+def _side_by_side(
+    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None
+) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    run_together = simulate_on_gpu if prepared.on_gpu else simulate_batch
-    runs = run_together(
-        prepared.model,
-        [task.contingency.events for task in batch],
+    disturbances = [task.contingency.events for task in batch]
+    every_state = _looks_at_every_state(prepared)
+    rest = (
         prepared.study.run.t_end,
         prepared.method.stepper,
         prepared.criterion,
         dict(prepared.intact),
-        every_state=_looks_at_every_state(prepared),
+        every_state,
     )
+    if models is None and prepared.on_gpu:
+        runs = simulate_on_gpu(prepared.model, disturbances, *rest)
+    else:
+        runs = simulate_batch(prepared.model, disturbances, *rest, models)
     for number, run in runs:
         if isinstance(run, Trajectory):
             area = None if prepared.parts is None else prepared.parts.study_buses
             within = replace(run, study_buses=area)
-            yield number, _Solver(prepared, batch[number]).detailed(within)
+            yield number, _Solver(_at(prepared, models, number), batch[number]).detailed(within)
 
 
 def _looks_at_every_state(prepared: Prepared) -> bool:
