@@ -8,8 +8,7 @@ taken away for that; one that the start is beyond is named, or moved to the star
 
 from __future__ import annotations
 
-from collections import ChainMap
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -17,19 +16,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen, taken
+from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen
 from gridfold.dynamics.device_functions import first_guess, foreseen
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.layout import Block, Layout, given_as
+from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.limiting import acting_limits, widened, without_limits
+from gridfold.dynamics.start_signals import StartSignals
 from gridfold.errors import InitializationError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.newton import COMPLEX_STEP, newton_batch
 from gridfold.powerflow.result import PowerFlowResult
 
 _RESIDUAL_LIMIT = 1e-6
-
-Known = dict[tuple[UnitKey, str], float]
 
 
 class OnLimit(Enum):
@@ -82,18 +80,19 @@ def initialize(
         raise InitializationError(
             "the operating point is beyond limits:\n  " + "\n  ".join(report.lines), [_MOVE]
         )
-    constants = np.array([known[name] for name in layout.constant_names])
-    currents = {
-        unit: complex(known[unit, block.device.sources[0]], known[unit, block.device.sources[1]])
-        for block in blocks
-        if block.device.injects
-        for unit in block.units
-    }
+    constants = np.array([known.value(unit, name) for unit, name in layout.constant_names])
+    currents = np.zeros(len(layout.source_units), dtype=np.complex128)
+    place = {unit: k for k, unit in enumerate(layout.source_units)}
+    for block in blocks:
+        if block.device.injects:
+            at = known.columns(block.units)
+            real, imaginary = (known.row(name, at) for name in block.device.sources[:2])
+            currents[[place[unit] for unit in block.units]] = real + 1j * imaginary
     return Start(
         replace(layout, blocks=tuple(blocks)),
         x0,
         constants,
-        np.array([currents[unit] for unit in layout.source_units], dtype=np.complex128),
+        currents,
         tuple(report.lines),
     )
 
@@ -109,109 +108,92 @@ def reference_at_speed(
     alone = replace(
         block, units=(unit,), parameters=np.ascontiguousarray(block.parameters[:, [column]])
     )
-    found, _ = _start_block(alone, {**known, (unit, "speed"): speed}, report)
+    known.put("speed", known.columns((unit,)), speed)
+    found, _ = _start_block(alone, known, report)
     return float(found.parameters[found.device.parameter_rows.index(name), 0])
 
 
 def _start_all(
     layout: Layout, power_flow: PowerFlowResult, report: _LimitReport
-) -> tuple[list[Block], NDArray[np.float64], Known]:
-    """All blocks with their set points, the states, and all signals by unit and name."""
+) -> tuple[list[Block], NDArray[np.float64], StartSignals]:
+    """All blocks with their set points, the states, and all signals."""
     known = _operating_point(layout, power_flow)
     for block in layout.blocks:
-        known |= _foreseen(block, known)
+        _foresee(block, known)
     x0 = np.zeros(layout.n_states)
     blocks = list(layout.blocks)
     order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
     for k in order:
-        blocks[k], x = _start_block(blocks[k], known, report, layout.relayed)
+        blocks[k], x = _start_block(blocks[k], known, report)
         x0[blocks[k].state_index] = x
     return blocks, x0, known
 
 
-def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
-    case = power_flow.case
-    power = {g.key: s for g, s in zip(case.generators, power_flow.unit_power, strict=True)}
-    power |= {load.key: -drawn for load, drawn in power_flow.drawn_by_loads()}
-    known: Known = {}
-    for unit in layout.source_units:
-        voltage = power_flow.voltage[case.bus_index[unit.bus]]
-        known[unit, "voltage_real"] = voltage.real
-        known[unit, "voltage_imag"] = voltage.imag
-        known[unit, "active_power"] = power[unit].real
-        known[unit, "reactive_power"] = power[unit].imag
+def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> StartSignals:
+    case, units = power_flow.case, layout.source_units
+    power = dict(zip(case.unit_keys, power_flow.unit_power.tolist(), strict=True))
+    if not power.keys() >= set(units):
+        power |= {load.key: -drawn for load, drawn in power_flow.drawn_by_loads()}
+    voltage = power_flow.voltage[[case.bus_index[unit.bus] for unit in units]]
+    given = np.array([power[unit] for unit in units], dtype=np.complex128)
+    known = StartSignals(layout)
+    at = known.columns(units)
+    known.put("voltage_real", at, voltage.real)
+    known.put("voltage_imag", at, voltage.imag)
+    known.put("active_power", at, given.real)
+    known.put("reactive_power", at, given.imag)
     return known
 
 
-def _foreseen(block: Block, known: Known) -> Known:
-    """Signals that a block decides before any other."""
+def _foresee(block: Block, known: StartSignals) -> None:
+    """Add signals that a block decides before any other."""
     device, units = block.device, block.units
     if device.foresee is nothing_foreseen:
-        return {}
-    names = [name for name in device.inputs if all((unit, name) in known for unit in units)]
-    signals = {name: np.array([known[unit, name] for unit in units]) for name in names}
+        return
+    at = known.columns(units)
+    signals = {name: known.row(name, at) for name in device.inputs if known.knows(name, at).all()}
     parameters = dict(zip(device.parameter_rows, block.parameters, strict=True))
-    return {
-        (unit, name): float(value)
-        for name, values in foreseen(device, parameters, signals, len(units)).items()
-        for unit, value in zip(units, values, strict=True)
-    }
+    for name, values in foreseen(device, parameters, signals, len(units)).items():
+        known.put(name, at, values)
 
 
 def _start_block(
-    block: Block,
-    known: Known,
-    report: _LimitReport,
-    relayed: Collection[tuple[UnitKey, str]] = (),
+    block: Block, known: StartSignals, report: _LimitReport
 ) -> tuple[Block, NDArray[np.float64]]:
     """Solve one block; its signals are added to `known`."""
     device, units = block.device, block.units
-    wanted = {
-        (unit, name): known[given_as(device, unit, name, relayed)]
-        for name in device.targets
-        for unit in units
-        if given_as(device, unit, name, relayed) in known
-    }
-    seen = ChainMap(wanted, known)
+    at = known.columns(units)
+    seen = known.wanted(device, at)
     for name, value in device.defaults.items():
-        for unit in units:
-            known.setdefault((unit, name), value)
+        known.put_default(name, at, value)
     given = [name for name in device.inputs if name not in device.solved_inputs]
-    for name in (*given, *device.targets):
-        missing = [unit for unit in units if _value_of(device, unit, name, seen) is None]
-        if missing:
+    given_values = {}
+    for name in dict.fromkeys((*given, *device.targets)):
+        given_values[name], there = seen.row(name)
+        if not there.all():
             raise InitializationError(
-                f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
+                f"{device.model} {units[int(np.argmin(there))]}: nothing tells the start value of "
+                f"its {name}"
             )
     free = replace(block, parameters=without_limits(device, block.parameters))
-    names = {*device.inputs, *device.targets} - set(device.solved_inputs)
-    given_values = {
-        name: np.array([_value_of(device, unit, name, seen) for unit in units]) for name in names
-    }
+    for name in device.solved_inputs:
+        given_values.pop(name, None)
     problem = _StartProblem(free, given_values)
     solution = newton_batch(problem.residual, problem.guess(), jacobian=problem.jacobian)
     problem.check(solution)
     x, u, p, y = problem.split(solution.astype(np.complex128))
     solved = [device.inputs.index(name) for name in device.solved_inputs]
     for name, row in zip(device.solved_inputs, u[solved].real, strict=True):
-        known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
+        known.put(name, at, row)
     for rows, values in ((device.states, x), (device.signal_rows, y)):
         for name, row in zip(rows, values.real, strict=True):
-            keys = (given_as(device, unit, name, relayed) for unit in units)
-            known |= dict(zip(keys, row, strict=True))
+            known.give(device, name, at, row)
     parameters = np.ascontiguousarray(p.real)
     for limit in device.limits:
         row = device.parameter_rows.index(limit.parameter)
         parameters[row] = block.parameters[row]
     _check_limits(block, x.real, u.real, parameters, report)
     return replace(block, parameters=parameters), x.real
-
-
-def _value_of(
-    device: Device, unit: UnitKey, name: str, known: Mapping[tuple[UnitKey, str], float]
-) -> float | None:
-    """Start value of what an input of a device is."""
-    return known.get((unit, taken(device, name, lambda signal: (unit, signal) in known)))
 
 
 def _check_limits(

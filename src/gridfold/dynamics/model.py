@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.cards import Card
-from gridfold.dynamics.assemble import assemble, load_characteristics, negative_loads
+from gridfold.dynamics.assemble import (
+    assemble,
+    load_characteristics,
+    negative_loads,
+    with_changed_records,
+)
 from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
@@ -197,7 +202,7 @@ class DetailedModel(Card):
     def units(self) -> tuple[UnitKey, ...]:
         """Units that feed a current into the network, in order of the case: generators, then loads."""
         present = set(self.layout.source_units)
-        keys = [*(g.key for g in self.case.generators), *(load.key for load in self.case.loads)]
+        keys = (*self.case.unit_keys, *self.case.load_keys)
         return tuple(key for key in keys if key in present)
 
     def slots(self, name: str, units: tuple[UnitKey, ...]) -> NDArray[np.int64]:
@@ -241,7 +246,7 @@ class DetailedModel(Card):
             injections = replace(injections, machine=_machine_admittances(layout))
         injections = _in_state(self.power_flow, injections, state)
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
-        return replace(
+        model = replace(
             self,
             state=state,
             equations=equations,
@@ -249,6 +254,8 @@ class DetailedModel(Card):
             injections=injections,
             start=start,
         )
+        self._share_units(model)
+        return model
 
     def _redispatched(self, dispatch: Sequence[tuple[UnitKey, float]]) -> DetailedModel:
         """The model at the equilibrium of another dispatch, in the state of the case."""
@@ -288,11 +295,23 @@ class DetailedModel(Card):
         ports, known = (() if loads is None else loads.buses for loads in (nonlinear, before))
         rated = any(block.device.role is Role.LOAD for block in layout.blocks)
         if case.devices is not self.case.devices or ports != known or rated:
-            groups = assemble(case, devices, self.case.devices)
-            same = ports == known and layout.holds(groups)
-            layout = layout.with_parameters(groups) if same else build_layout(groups, ports)
+            same = None
+            if ports == known and not rated:
+                same = with_changed_records(layout, case, self.case, devices)
+            if same is None:
+                groups = assemble(case, devices, self.case.devices)
+                stays = ports == known and layout.holds(groups)
+                same = layout.with_parameters(groups) if stays else build_layout(groups, ports)
+            layout = same
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
-        return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
+        model = _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
+        self._share_units(model)
+        return model
+
+    def _share_units(self, other: DetailedModel) -> None:
+        """Have a model with the same places take what is known of its units."""
+        if other.layout.signal_slots is self.layout.signal_slots:
+            vars(other)["units"], vars(other)["machines"] = self.units, self.machines
 
     def has_places_of(self, other: DetailedModel) -> bool:
         """Whether it has the devices and the network of the other one, whatever their values are."""
@@ -527,13 +546,15 @@ def _injections(
     squared = np.abs(power_flow.voltage) ** 2
     absorbed = negative_loads(case)
     negative = {
-        g.key: -complex(np.conj(power) / squared[case.bus_index[g.bus]])
-        for g, power in zip(case.generators, power_flow.unit_power, strict=True)
-        if g.key in absorbed and g.in_service
+        key: -complex(np.conj(power) / squared[case.bus_index[g.bus]])
+        for key, g, power in zip(
+            case.unit_keys, case.generators, power_flow.unit_power, strict=True
+        )
+        if key in absorbed and g.in_service
     }
     machine = _machine_admittances(layout)
     power = power_flow.load_power + power_flow.converter_power
-    for load, drawn in power_flow.drawn_by_loads():
+    for load, drawn in power_flow.drawn_by_loads() if apart else ():
         if load.key in apart:
             power[case.bus_index[load.bus]] -= drawn
     norton = dict(zip(layout.source_units, start.currents.tolist(), strict=True))

@@ -135,7 +135,8 @@ def _looks_at_every_state(prepared: Prepared) -> bool:
     """Whether more is wanted of a run than its rotor angles and speeds: voltages follow from all."""
     wanted = prepared.study.outputs
     judged = any(isinstance(item, VoltageDip | VoltageRecovery) for item in prepared.criteria)
-    return judged or wanted.trajectories is not Kept.NONE or wanted.monitor is not None
+    watched = wanted.curves and wanted.monitor is not None
+    return judged or wanted.trajectories is not Kept.NONE or watched
 
 
 @one_blas_thread
@@ -223,15 +224,15 @@ class _Solver:
             checked, beside = self._check(run, figures, self.small)
             figures |= checked
         critical = figures["critical_machine"]
-        curves = run_curves(run, beside, switches, findings, self._units_of(run), critical)
-        if self.prepared.study.outputs.monitor is not None:
-            curves |= watched_curves(run, self.columns, sampled_rows(run))
+        wanted, curves = self.prepared.study.outputs, None
+        if wanted.curves:
+            curves = run_curves(run, beside, switches, findings, self._units_of(run), critical)
+            if wanted.monitor is not None:
+                curves |= watched_curves(run, self.columns, sampled_rows(run))
         figures |= self._clearing_time()
         figures["wall_s"] = time.perf_counter() - began
         row = vars(Figures(**figures))
-        wanted = self.prepared.study.outputs
-        number = self.task.contingency.number
-        result = Result(number, row, curves if wanted.curves else None)
+        result = Result(self.task.contingency.number, row, curves)
         return Solved(result, self._parquet(run, stable=bool(row["stable"])))
 
     def _detailed(self, events: Sequence[Event]) -> Trajectory:
