@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from gridfold.dynamics.assemble import (
 from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
-from gridfold.dynamics.initialize import OnLimit, Start, initialize
+from gridfold.dynamics.initialize import OnLimit, Start, initialize, initialize_each
 from gridfold.dynamics.jacobian import Partials, joined_partials
 from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Group, Layout, build_layout
 from gridfold.dynamics.network import (
@@ -48,7 +48,7 @@ from gridfold.dynamics.settings import settled
 from gridfold.dynamics.shedding import shed_devices
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
-from gridfold.errors import InitializationError, PowerFlowError
+from gridfold.errors import GridfoldError, InitializationError, PowerFlowError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
@@ -65,6 +65,8 @@ from gridfold.powerflow.rounding import rounding_power
 #: Residual of the equilibrium below which nothing is said, and above which the model is refused; what
 #: rounding in the network may leave is allowed besides (:func:`good_residual`).
 RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
+#: Units of all operating points whose starts are solved for side by side: more take memory.
+_COLUMNS = 5000
 _LIMIT_MOVED = "limit moved to the start: "
 
 
@@ -288,23 +290,83 @@ class DetailedModel(Card):
         InitializationError
             A device has no equilibrium there, or is beyond a limit.
         """
+        layout, nonlinear = self._moved(power_flow)
+        start = initialize(layout, power_flow, self.on_limit)
+        return self._started_at(power_flow, layout, nonlinear, start)
+
+    def at_each(
+        self, power_flows: Sequence[PowerFlowResult]
+    ) -> list[DetailedModel | GridfoldError]:
+        """The models at several operating points, or what is wrong there; see :meth:`at`.
+
+        Their starts are solved for side by side.
+        """
+        found: list[DetailedModel | GridfoldError] = []
+        most = max(1, _COLUMNS // max(len(self.layout.source_units), 1))
+        for first in range(0, len(power_flows), most):
+            found += self._at_some(power_flows[first : first + most])
+        return found
+
+    def _at_some(
+        self, power_flows: Sequence[PowerFlowResult]
+    ) -> Iterator[DetailedModel | GridfoldError]:
+        moved: list[tuple[Layout, NonlinearLoads | None] | GridfoldError] = []
+        for flow in power_flows:
+            try:
+                moved.append(self._moved(flow))
+            except GridfoldError as error:
+                moved.append(error)
+        together = [
+            (k, item[0])
+            for k, item in enumerate(moved)
+            if not isinstance(item, GridfoldError) and item[0].has_places_of(self.layout)
+        ]
+        starts: dict[int, Start | None] = {}
+        if together:
+            places, layouts = zip(*together, strict=True)
+            flows = [power_flows[k] for k in places]
+            begun = initialize_each(layouts, flows, self.on_limit)
+            starts = dict(zip(places, begun, strict=True))
+        for k, (flow, item) in enumerate(zip(power_flows, moved, strict=True)):
+            if isinstance(item, GridfoldError):
+                yield item
+                continue
+            try:
+                start = starts.get(k) or initialize(item[0], flow, self.on_limit)
+                yield self._started_at(flow, *item, start)
+            except GridfoldError as error:
+                yield error
+
+    def _moved(self, power_flow: PowerFlowResult) -> tuple[Layout, NonlinearLoads | None]:
+        """Layout with the parameters of another operating point, before the start, and its loads."""
         assert self.origin is not None
         devices, layout, apart = self.origin
         case, before = power_flow.case, self.injections.nonlinear
         nonlinear = _nonlinear(power_flow, self.loads, devices, apart)
         ports, known = (() if loads is None else loads.buses for loads in (nonlinear, before))
         rated = any(block.device.role is Role.LOAD for block in layout.blocks)
-        if case.devices is not self.case.devices or ports != known or rated:
-            same = None
-            if ports == known and not rated:
-                same = with_changed_records(layout, case, self.case, devices)
-            if same is None:
-                groups = assemble(case, devices, self.case.devices)
-                stays = ports == known and layout.holds(groups)
-                same = layout.with_parameters(groups) if stays else build_layout(groups, ports)
-            layout = same
+        if case.devices is self.case.devices and ports == known and not rated:
+            return layout, nonlinear
+        if ports == known and not rated:
+            changed = with_changed_records(layout, case, self.case, devices)
+            if changed is not None:
+                return changed, nonlinear
+        groups = assemble(case, devices, self.case.devices)
+        if ports == known and layout.holds(groups):
+            return layout.with_parameters(groups), nonlinear
+        return build_layout(groups, ports), nonlinear
+
+    def _started_at(
+        self,
+        power_flow: PowerFlowResult,
+        layout: Layout,
+        nonlinear: NonlinearLoads | None,
+        start: Start,
+    ) -> DetailedModel:
+        assert self.origin is not None
+        origin = self.origin._replace(layout=layout)
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
-        model = _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
+        model = _started(origin, power_flow, nonlinear, start, *rest)
         self._share_units(model)
         return model
 
@@ -461,7 +523,8 @@ def _built(
     layout = build_layout(groups, () if nonlinear is None else nonlinear.buses)
     doubts = model_doubts(solved, devices)
     origin = Origin(devices, layout, apart)
-    return _started(origin, solved, nonlinear, backend, on_limit, loads, doubts)
+    start = initialize(layout, solved, on_limit)
+    return _started(origin, solved, nonlinear, start, backend, on_limit, loads, doubts)
 
 
 def _standing_apart(
@@ -486,14 +549,14 @@ def _started(
     origin: Origin,
     solved: PowerFlowResult,
     nonlinear: NonlinearLoads | None,
+    start: Start,
     backend: NetworkBackend,
     on_limit: OnLimit,
     loads: LoadModel,
     doubts: tuple[Doubt, ...],
 ) -> DetailedModel:
-    """The model at its equilibrium, from a layout with the parameters of the case."""
+    """The model at its equilibrium, from a layout with the parameters of the case and its start."""
     layout = origin.layout
-    start = initialize(layout, solved, on_limit)
     state = initial_state(solved.case)
     injections = _in_state(solved, _injections(solved, start, nonlinear, origin.apart), state)
     equations = build_equations(solved, injections, layout.terminals, state)

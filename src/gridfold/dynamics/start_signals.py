@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import Device, taken
-from gridfold.dynamics.layout import BEFORE, Layout
+from gridfold.dynamics.layout import BEFORE, Block, Layout
 from gridfold.grid.case import UnitKey
 
 Columns = NDArray[np.int64]
@@ -25,23 +25,30 @@ class Row(NamedTuple):
 class StartSignals:
     """Signals by name, each a row over all units of a layout, as far as they are known.
 
+    With several `points` a row goes over the units of the first operating point, then of the others.
     What a device of a unit takes and gives on has two values; the one before is that of another name
     (:func:`gridfold.dynamics.layout.given_as`).
     """
 
-    def __init__(self, layout: Layout):
+    def __init__(self, layout: Layout, points: int = 1):
+        self.points = points
         units = (unit for block in layout.blocks for unit in block.units)
         every = dict.fromkeys((*layout.source_units, *units))
         self._place = {unit: k for k, unit in enumerate(every)}
         self._rows: dict[str, Row] = {}
         self._relayed: dict[str, NDArray[np.bool_]] = {}
         for unit, name in layout.relayed:
-            mask = self._relayed.setdefault(name, np.zeros(len(every), dtype=bool))
-            mask[self._place[unit]] = True
+            mask = self._relayed.setdefault(name, np.zeros(len(every) * points, dtype=bool))
+            mask[self.columns((unit,))] = True
 
     def columns(self, units: Iterable[UnitKey]) -> Columns:
-        """Columns of some units."""
-        return np.array([self._place[unit] for unit in units], dtype=np.int64)
+        """Columns of some units: of the first operating point, then of the others."""
+        own = np.array([self._place[unit] for unit in units], dtype=np.int64)
+        return (own + len(self._place) * np.arange(self.points)[:, None]).ravel()
+
+    def columns_of(self, block: Block) -> Columns:
+        """Columns of the units of a block, of all points one after the other."""
+        return self.columns(block.units[: len(block.units) // self.points])
 
     def knows(self, name: str, at: Columns) -> NDArray[np.bool_]:
         """For which of the columns a signal is known."""
@@ -61,13 +68,12 @@ class StartSignals:
         """The value of a signal where none is known."""
         self.put(name, at[~self.knows(name, at)], value)
 
-    def value(self, unit: UnitKey, name: str) -> float:
-        """The value of a signal of one unit, which has to be known."""
-        at = self._place[unit]
-        row = self._row(name)
-        if not row.there[at]:
+    def each(self, unit: UnitKey, name: str) -> NDArray[np.float64]:
+        """The value of a signal of one unit at each point, which has to be known."""
+        at = self.columns((unit,))
+        if not self.knows(name, at).all():
             raise KeyError((unit, name))
-        return float(row.values[at])
+        return self.row(name, at)
 
     def give(self, device: Device, name: str, at: Columns, values: NDArray[np.float64]) -> None:
         """Values of a signal that a device gives."""
@@ -98,7 +104,7 @@ class StartSignals:
 
     def _row(self, name: str) -> Row:
         if name not in self._rows:
-            n = len(self._place)
+            n = len(self._place) * self.points
             self._rows[name] = Row(np.full(n, np.nan), np.zeros(n, dtype=bool))
         return self._rows[name]
 

@@ -24,7 +24,7 @@ from gridfold.sampling.plan import SamplePlan
 from gridfold.sampling.points import OperatingPoints
 from gridfold.sampling.rows import INFEASIBLE, labels
 from gridfold.study.prepare import Offline, Prepared, prepare
-from gridfold.study.solve import Task, solve_batch
+from gridfold.study.solve import Solved, Task, solve_batch
 
 #: Name of the first column of curves.
 _NUMBER = "number"
@@ -95,37 +95,45 @@ class Sampler:
         """The case of a sample; raises an EventError where it cannot be."""
         return self.points.case_at(drawn.values)
 
-    def model(self, drawn: Draw) -> DetailedModel:
-        """The model of a sample at its equilibrium.
-
-        Raises
-        ------
-        GridfoldError
-            There is none.
-        """
+    def models(self, draws: Sequence[Draw]) -> list[DetailedModel | GridfoldError]:
+        """The model of each sample at its equilibrium, or why there is none."""
+        flows = [self._power_flow(drawn) for drawn in draws]
         base = self.prepared.model
-        model = base.at(solve_power_flow(self.case(drawn), network=self.network))
-        # The time step is chosen once, for the case and the ends of all parameters.
-        vars(model)["fast_modes"] = base.fast_modes
-        return model
+        made = iter(base.at_each([flow for flow in flows if not isinstance(flow, GridfoldError)]))
+        models = [flow if isinstance(flow, GridfoldError) else next(made) for flow in flows]
+        for model in models:
+            # The time step is chosen once, for the case and the ends of all parameters.
+            if isinstance(model, DetailedModel):
+                vars(model)["fast_modes"] = base.fast_modes
+        return models
+
+    def _power_flow(self, drawn: Draw) -> PowerFlowResult | GridfoldError:
+        try:
+            return solve_power_flow(self.case(drawn), network=self.network)
+        except GridfoldError as error:
+            return error
 
     def rows(self, draws: Sequence[Draw]) -> list[tuple[dict[str, Any], bytes | None]]:
         """The columns of some samples, whose runs advance together, and their curves if they are kept.
 
         Curves are a Parquet file.
         """
-        started = [self._started(drawn) for drawn in draws]
-        live = [(drawn, model) for drawn, (_, model) in zip(draws, started, strict=True) if model]
-        tasks = tuple(Task(drawn.contingency, check=False) for drawn, _ in live)
+        models = self.models(draws)
+        live = [
+            (Task(drawn.contingency, check=False), model)
+            for drawn, model in zip(draws, models, strict=True)
+            if isinstance(model, DetailedModel)
+        ]
+        tasks = tuple(task for task, _ in live)
         solved = iter(solve_batch(self.prepared, tasks, [model for _, model in live]))
-        found = [(row, None if model is None else next(solved)) for row, model in started]
         return [
-            (row, None) if run is None else (row | labels(run.figures), run.parquet)
-            for row, run in found
+            self._row(drawn, model, None if isinstance(model, GridfoldError) else next(solved))
+            for drawn, model in zip(draws, models, strict=True)
         ]
 
-    def _started(self, drawn: Draw) -> tuple[dict[str, Any], DetailedModel | None]:
-        """What is known of a sample before its run, and its model; None where there is none."""
+    def _row(
+        self, drawn: Draw, model: DetailedModel | GridfoldError, solved: Solved | None
+    ) -> tuple[dict[str, Any], bytes | None]:
         row: dict[str, Any] = {
             "number": drawn.number,
             "contingency": drawn.contingency.name,
@@ -133,12 +141,11 @@ class Sampler:
             "clearing_time": drawn.clearing_time,
             **drawn.values,
         }
-        try:
-            model = self.model(drawn)
-        except GridfoldError as error:
-            reason = " ".join(str(error).split())
+        if isinstance(model, GridfoldError) or solved is None:
+            reason = " ".join(str(model).split())
             return {**row, "status": INFEASIBLE, "reason": reason}, None
-        return row | self._start(model.power_flow), model
+        row |= self._start(model.power_flow) | labels(solved.figures)
+        return row, solved.parquet
 
     def _start(self, flow: PowerFlowResult) -> dict[str, float]:
         """Figures of an operating point."""
