@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.device import LIMITERS, Device, Role, Terms
 from gridfold.dynamics.device_functions import parameter_faults
-from gridfold.dynamics.layout import Group, Layout
+from gridfold.dynamics.layout import Block, Group, Layout
 from gridfold.dynamics.limiters.regulator_input import REGULATOR_INPUT
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
@@ -90,35 +90,43 @@ def with_changed_records(
     changed: dict[str, list[int]] = {}
     for k, (old, new) in enumerate(zip(before.devices, case.devices, strict=True)):
         if new is not old:
+            if (new.model, new.key) != (old.model, old.key):
+                return None
             changed.setdefault(new.model, []).append(k)
     ratings = _Ratings(case)
-    known = {block.device.model: block for block in layout.blocks}
+    place = {block.device.model: at for at, block in enumerate(layout.blocks)}
     faults: list[str] = []
     blocks = list(layout.blocks)
-    for model, places in changed.items():
-        device, block = devices.get(model), known.get(model)
-        if device is None or block is None or device.role is Role.LOAD:
+    for model, records in changed.items():
+        device = devices.get(model)
+        if device is None or model not in place or device.role is Role.LOAD:
             return None
-        column_of = {unit: column for column, unit in enumerate(block.units)}
-        records, columns = [], []
-        for k in places:
-            old, new, unit = before.devices[k], case.devices[k], case.device_keys[k]
-            acts = device.has_dynamics(new.parameters)
-            if (old.model, old.key) != (model, unit) or acts != device.has_dynamics(old.parameters):
+        for k in records:
+            old, new = before.devices[k], case.devices[k]
+            if device.has_dynamics(new.parameters) != device.has_dynamics(old.parameters):
                 return None
-            new_faults = _record_faults(device, new, ratings)
-            faults += [f"{case.locate(new)}: {fault}" for fault in new_faults]
-            if unit in column_of:
-                records.append(new)
-                columns.append(column_of[unit])
-        if not faults and records:
-            bases = np.array([ratings.of(device, record) for record in records])
-            parameters = block.parameters.copy()
-            parameters[:, columns] = _parameter_rows(device, records, bases, case)
-            blocks[layout.blocks.index(block)] = replace(block, parameters=parameters)
+            found = _record_faults(device, new, ratings)
+            faults += [f"{case.locate(new)}: {fault}" for fault in found]
+        if not faults:
+            at = place[model]
+            blocks[at] = _with_records(blocks[at], case, records, ratings)
     if faults:
         raise CaseError(faults, f"case {case.name}, dynamic devices")
     return replace(layout, blocks=tuple(blocks))
+
+
+def _with_records(block: Block, case: Case, positions: Sequence[int], ratings: _Ratings) -> Block:
+    """A block with the parameters of the records at some positions, of units that it has."""
+    column_of = {unit: column for column, unit in enumerate(block.units)}
+    positions = [k for k in positions if case.device_keys[k] in column_of]
+    if not positions:
+        return block
+    records = [case.devices[k] for k in positions]
+    bases = np.array([ratings.of(block.device, record) for record in records])
+    columns = [column_of[case.device_keys[k]] for k in positions]
+    parameters = block.parameters.copy()
+    parameters[:, columns] = _parameter_rows(block.device, records, bases, case)
+    return replace(block, parameters=parameters)
 
 
 def load_characteristics(
@@ -214,7 +222,7 @@ def _record_faults(device: Device, record: DeviceRecord, ratings: _Ratings) -> I
     if (device.role is Role.LOAD) != (record.key in ratings.loads):
         its, other = ("load", "generator") if device.role is Role.LOAD else ("generator", "load")
         yield f"it is a device of a {its}, but {record.key} is a {other}"
-    known = {parameter.name: parameter for parameter in device.parameters}
+    known = [parameter.name for parameter in device.parameters]
     sound = True
     for name in record.parameters:
         if name not in known:

@@ -19,13 +19,13 @@ from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.criteria import VoltageDip, VoltageRecovery
-from gridfold.grid.events import BranchFault, BusFault, Event
+from gridfold.grid.events import Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
-from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.clearing_time import ClearingTime, critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.cuda import simulate_on_gpu
 from gridfold.runs.monitor import Columns
@@ -33,6 +33,7 @@ from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.table_files import TableFile, TableFormat
 from gridfold.runs.trajectory import Trajectory
+from gridfold.study.clearing import clearing_times, only_fault
 from gridfold.study.curves import run_curves, sampled_rows
 from gridfold.study.generate import Contingency
 from gridfold.study.judged import judged_figures, names_of
@@ -124,11 +125,13 @@ def _side_by_side(
         runs = simulate_on_gpu(prepared.model, disturbances, *rest)
     else:
         runs = simulate_batch(prepared.model, disturbances, *rest, models)
+    times = clearing_times(prepared, disturbances, models)
     for number, run in runs:
         if isinstance(run, Trajectory):
             area = None if prepared.parts is None else prepared.parts.study_buses
             within = replace(run, study_buses=area)
-            yield number, _Solver(_at(prepared, models, number), batch[number]).detailed(within)
+            solver = _Solver(_at(prepared, models, number), batch[number], times.get(number))
+            yield number, solver.detailed(within)
 
 
 def _looks_at_every_state(prepared: Prepared) -> bool:
@@ -162,10 +165,14 @@ def failed(task: Task, reason: str, seconds: float | None = None) -> Solved:
 
 @dataclass
 class _Solver:
-    """The runs of one contingency, with the models of the networks that it leads through."""
+    """The runs of one contingency, with the models of the networks that it leads through.
+
+    `clearing_time` is its critical clearing time, where that is known.
+    """
 
     prepared: Prepared
     task: Task
+    clearing_time: ClearingTime | None = None
     store: ModelStore = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -294,13 +301,10 @@ class _Solver:
 
     def _clearing_time(self) -> dict[str, Any]:
         wanted = self.prepared.study.clearing_times
-        events = self.task.contingency.events
-        if not wanted.wanted or len(events) != 1:
+        fault = only_fault(self.task.contingency.events)
+        if not wanted.wanted or fault is None:
             return {}
-        fault = events[0]
-        if not isinstance(fault, BusFault | BranchFault):
-            return {}
-        found = critical_clearing_time(
+        found = self.clearing_time or critical_clearing_time(
             self.prepared.model,
             fault,
             resolution=wanted.resolution,
