@@ -178,9 +178,10 @@ def _start_all(
     states = np.zeros((report.points, layouts[0].n_states))
     order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
     for k in order:
-        place = layouts[0].blocks[k].state_index
+        own = layouts[0].blocks[k]
         blocks[k], x = _start_block(blocks[k], known, report)
-        states[:, place] = x.reshape(len(x), report.points, -1).transpose(1, 0, 2)
+        of_points = x.reshape(len(x), report.points, len(own.units))
+        states[:, own.state_index] = of_points.transpose(1, 0, 2)
     return blocks, states, known
 
 

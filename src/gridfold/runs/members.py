@@ -188,6 +188,8 @@ class Plans:
         known = next((basis for basis in self._bases if basis.model is start), None)
         if self.places is None:
             return known
+        if start is not self.places and start.injections.nonlinear is not None:
+            return None
         if not start.has_places_of(self.places):
             return None
         if known is None:
