@@ -1,5 +1,6 @@
 """A model moved to another operating point is the one that is built there, to the last digit."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,29 @@ def test_limits_are_those_of_the_case_wherever_the_model_was_before(npcc):
     assert there.limits_moved
     same(there, gf.build_model(heavy, on_limit=gf.OnLimit.ADJUST))
     same(there.at(gf.solve_power_flow(case)), model)
+
+
+@pytest.mark.parametrize("on_limit", list(gf.OnLimit))
+def test_starts_that_are_solved_for_together_are_those_of_each_point(npcc, on_limit):
+    case = npcc_with_sexs(npcc, room=0.03)
+    model = gf.build_model(case, on_limit=on_limit)
+    flows = [gf.solve_power_flow(heavier(case, factor)) for factor in (1.0, 1.002, 1.1, 0.998)]
+    found = model.at_each(flows)
+    assert len(found) == 4
+    for flow, item in zip(flows, found, strict=True):
+        if isinstance(item, gf.InitializationError):
+            with pytest.raises(gf.InitializationError, match=re.escape(str(item))):
+                model.at(flow)
+            continue
+        alone = model.at(flow)
+        assert item.power_flow is flow
+        assert np.abs(item.x0 - alone.x0).max() < 1e-12
+        assert item.limits_moved == alone.limits_moved
+        for first, second in zip(item.layout.blocks, alone.layout.blocks, strict=True):
+            assert first.units == second.units
+            assert first.parameters == pytest.approx(second.parameters, abs=1e-12, nan_ok=True)
+    refused = sum(isinstance(item, gf.InitializationError) for item in found)
+    assert refused == (on_limit is gf.OnLimit.ERROR)
 
 
 def test_a_power_flow_on_a_known_network_is_the_same(npcc):

@@ -30,6 +30,24 @@ def test_newton_solves_every_column_of_the_batch():
     np.testing.assert_allclose(solution, [np.sqrt(targets)] * 2, rtol=1e-14)
 
 
+def test_a_column_is_the_same_whatever_stands_beside_it():
+    def solved(targets):
+        return newton_batch(lambda z: np.array([z[0] ** 3 - targets]), np.ones((1, len(targets))))
+
+    targets = np.array([2.0, 1e9, 1e-6, 40.0])
+    together = solved(targets)[0]
+    assert together.tolist() == [float(solved(targets[k : k + 1])[0, 0]) for k in range(4)]
+
+
+def test_a_column_that_leaves_the_numbers_holds_up_no_other():
+    with np.errstate(all="ignore"):
+        found = newton_batch(
+            lambda z: np.array([np.where([True, False], z[0] - 3, np.exp(-z[0]) - 1e-300)]),
+            np.array([[1.0, -5e2]]),
+        )
+    assert found[0, 0] == 3.0
+
+
 def test_newton_returns_the_best_point_where_there_is_no_root():
     solution = newton_batch(lambda z: z**2 + 1, np.array([[0.5]]))
     assert np.isfinite(solution).all()

@@ -14,7 +14,10 @@ from limited_cases import npcc_with_ieeet1, npcc_with_sexs
 
 import gridfold as gf
 from gridfold.errors import EventError, OptionError
+from gridfold.grid.operating_point import at_operating_point
 from gridfold.runs.batch import simulate_batch
+from gridfold.runs.members import Member, Plans
+from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import simulate
 from gridfold.runs.summary import summarize
 from gridfold.runs.trajectory import Trajectory
@@ -85,11 +88,14 @@ def agree(
     disturbances: Sequence[Sequence[gf.Event]],
     t_end: float = T_END,
     stepper: gf.Stepper | None = None,
+    models: Sequence[gf.DetailedModel] | None = None,
 ) -> list[Trajectory]:
     """Runs side by side, of which all that is kept is compared with the runs one by one."""
-    runs = together(model, disturbances, t_end, stepper)
-    for events, run in zip(disturbances, runs, strict=True):
-        alone = simulate(model, events, t_end, stepper)
+    runs = together(model, disturbances, t_end, stepper, models=models)
+    each = [model] * len(runs) if models is None else models
+    for events, own, run in zip(disturbances, each, runs, strict=True):
+        alone = simulate(own, events, t_end, stepper)
+        assert run.model is own
         assert np.array_equal(run.times, alone.times), events
         assert (run.status, run.culprit) == (alone.status, alone.culprit), events
         assert run.notices == alone.notices
@@ -146,6 +152,108 @@ def test_events_of_planners_and_relays_give_the_runs_they_have_alone(
             [fault],
         ],
     )
+
+
+def moved(
+    model: gf.DetailedModel, load: float, power_mw: float = 0.0, **factors: float
+) -> gf.DetailedModel:
+    """The model with other loads, power moved between two units, and parameters times factors."""
+    case = model.case
+    first, second = [k for k, unit in enumerate(case.generators) if unit.active_mw > 300][:2]
+    shift = {first: power_mw, second: -power_mw}
+    loads = [
+        replace(item, active_mw=item.active_mw * load, reactive_mvar=item.reactive_mvar * load)
+        for item in case.loads
+    ]
+    units = [
+        replace(unit, active_mw=unit.active_mw + shift.get(k, 0.0))
+        for k, unit in enumerate(case.generators)
+    ]
+    records = [
+        replace(
+            record,
+            parameters={
+                name: value * factors.get(name, 1.0) for name, value in record.parameters.items()
+            },
+        )
+        for record in case.devices
+    ]
+    return model.at(gf.solve_power_flow(at_operating_point(case, loads, units, records)))
+
+
+def test_each_run_may_have_an_operating_point_and_parameters_of_its_own(
+    npcc: gf.DetailedModel,
+) -> None:
+    disturbances = every_kind(npcc.case)
+    models = [
+        moved(npcc, 0.94 + 0.01 * k, 20.0 * k, inertia=1.0 - 0.02 * k, damping=1.0 + 0.1 * k)
+        for k in range(len(disturbances))
+    ]
+    models[3] = npcc
+    models[5] = moved(npcc, 1.0, d_reactance=1.2, q_reactance=1.1)
+    models[7] = models[6]
+    runs = agree(npcc, disturbances, models=models)
+    assert len({run.rotor_angle_deg()[0].tobytes() for run in runs}) == len(models) - 1
+    agree(npcc, disturbances[:9], stepper=gf.AdamsBashforthMoulton4(0.02), models=models[:9])
+
+
+def test_parameters_alone_leave_the_network_to_all(npcc: gf.DetailedModel) -> None:
+    flow = npcc.power_flow
+    models = []
+    for k in range(9):
+        records = [
+            replace(
+                r, parameters=r.parameters | {"inertia": r.parameters["inertia"] * (1 - 0.05 * k)}
+            )
+            if "inertia" in r.parameters
+            else r
+            for r in npcc.case.devices
+        ]
+        models.append(npcc.at(replace(flow, case=at_operating_point(npcc.case, devices=records))))
+    fault = gf.BusFault(npcc.case.buses[8].number, 0.1, 0.12)
+    runs = agree(npcc, [[fault]] * 9, models=models)
+    swings = [np.ptp(run.rotor_angle_deg(), axis=0).max() for run in runs]
+    assert np.ptp(swings) > 1.0
+
+
+def test_a_model_with_other_devices_or_another_network_runs_by_itself(
+    npcc: gf.DetailedModel,
+) -> None:
+    case, fault = npcc.case, gf.BusFault(npcc.case.buses[8].number, 0.1, 0.1)
+    without = gf.build_model(replace(case, branches=(*case.branches[:3], *case.branches[4:])))
+    governed = next(r for r in case.devices if r.model == "first_order_governor")
+    fewer = [r for r in case.devices if r.key != governed.key or r.model != "ieee_type1"]
+    other = gf.build_model(replace(case, devices=tuple(fewer)))
+    models = [npcc, without, other, gf.build_model(case), npcc]
+    agree(npcc, [[fault]] * 5, 0.5, models=models)
+
+
+def test_limits_act_alike_at_every_operating_point(npcc: gf.DetailedModel) -> None:
+    bus = npcc.case.buses[8].number
+    base = gf.build_model(npcc_with_sexs(npcc, 0.2))
+    models = [moved(base, 1.0 + 0.005 * k) for k in range(4)]
+    disturbances = [[gf.BusFault(bus, 0.1, 0.05 + 0.02 * k)] for k in range(4)]
+    agree(base, disturbances, models=models)
+    runs = together(base, disturbances, models=models, every_state=True)
+    for model, run in zip(models, runs, strict=True):
+        block = next(block for block in model.layout.blocks if block.device.model == "sexs")
+        highest = block.parameters[block.device.parameter_rows.index("field_voltage_maximum")]
+        voltage = run.signal("field_voltage", block.units)
+        assert (voltage.max(axis=0) > highest - 1e-6).any()
+
+
+def test_a_redispatch_and_set_parameters_go_side_by_side(npcc: gf.DetailedModel) -> None:
+    case, unit = npcc.case, next(g for g in npcc.case.generators if g.in_service)
+    fault = gf.BusFault(case.buses[8].number, 0.1, 0.08)
+    disturbances = [
+        [gf.Redispatch(100.0, areas="1"), fault],
+        [gf.SetParameter(unit.bus, "voltage_reference", change=0.02, time=0.1), fault],
+        [gf.SetParameter(unit.bus, "inertia", change=5.0, time=0.2), fault],
+        [fault],
+    ]
+    ready = Plans(npcc, 1.0, fit_stepper(npcc, None), None, {npcc.state: npcc}, npcc)
+    assert all(isinstance(ready.ready(k, tuple(e)), Member) for k, e in enumerate(disturbances))
+    agree(npcc, disturbances)
 
 
 def test_members_that_end_make_room_for_the_others(npcc: gf.DetailedModel) -> None:
@@ -228,6 +336,8 @@ def test_runs_that_cannot_go_side_by_side_say_why(npcc: gf.DetailedModel) -> Non
     loads = gf.build_model(npcc.case, loads=gf.LoadModel((0.2, 0.2, 0.6)))
     with pytest.raises(OptionError, match="loads"):
         list(simulate_batch(loads, [[]], stepper=gf.RungeKutta4(0.01)))
+    with pytest.raises(OptionError, match="2 disturbances have 1 models"):
+        list(simulate_batch(npcc, [[], []], models=[npcc]))
 
 
 @pytest.mark.parametrize(

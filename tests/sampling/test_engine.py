@@ -257,6 +257,25 @@ def test_margins_are_those_of_the_clearing_time(tmp_path):
     )
 
 
+def test_margins_of_samples_that_run_together_are_those_of_each(tmp_path):
+    varied = plan(
+        samples=5,
+        contingency=[],
+        load=[{"name": "west", "where": "1-36", "factor": {"uniform": [0.95, 1.05]}}],
+        faults={"bus_faults": "3,26", "clearing_time": {"uniform": [0.1, 0.3]}},
+        clearing_times={"wanted": True, "resolution": 0.05, "longest": 1.0},
+        outputs={"trajectories": "none"},
+        check={"samples": 0},
+    )
+    gf.sample(varied, tmp_path / "s", workers="threads", count=1)
+    for row in rows(tmp_path / "s").to_dict("records"):
+        one = gf.single_sample(varied, row["number"])
+        model = gf.build_model(one.case)
+        found = gf.critical_clearing_time(model, one.events[0], 0.05, 1.0, 2.0, one.stepper)
+        assert row["critical_clearing_time"] == found.seconds
+        assert row["clearing_time_bounded"] == found.bounded
+
+
 def test_a_plan_without_anything_that_happens_is_refused(tmp_path):
     with pytest.raises(gf.OptionError, match="no contingencies"):
         gf.sample(SamplePlan.model_validate({"samples": 1, "seed": 1}), tmp_path / "s")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.device import LIMITERS, Device, Role, Terms
 from gridfold.dynamics.device_functions import parameter_faults
-from gridfold.dynamics.layout import Group
+from gridfold.dynamics.layout import Block, Group, Layout
 from gridfold.dynamics.limiters.regulator_input import REGULATOR_INPUT
 from gridfold.dynamics.registry import DEVICES, NEGATIVE_LOAD
 from gridfold.errors import CaseError
@@ -37,10 +38,15 @@ def assemble(
         raise CaseError(faults, f"case {case.name}, dynamic devices")
     groups: list[Group] = []
     ratings = _Ratings(case)
-    live = [g.key for g in case.generators if g.in_service]
-    live += [load.key for load in case.loads if load.in_service]
+    live = [
+        key for key, unit in zip(case.unit_keys, case.generators, strict=True) if unit.in_service
+    ]
+    live += [key for key, load in zip(case.load_keys, case.loads, strict=True) if load.in_service]
+    of_models: dict[str, dict[UnitKey, DeviceRecord]] = {}
+    for key, record in zip(case.device_keys, case.devices, strict=True):
+        of_models.setdefault(record.model, {})[key] = record
     for device in devices.values():
-        by_unit = {r.key: r for r in case.devices if r.model == device.model}
+        by_unit = of_models.get(device.model, {})
         units = [
             unit
             for unit in live
@@ -59,16 +65,85 @@ def assemble(
     return groups
 
 
+def with_changed_records(
+    layout: Layout, case: Case, before: Case, devices: Mapping[str, Device]
+) -> Layout | None:
+    """The layout of a case with the parameters of another one of the same network, units and models.
+
+    Only records that are not those of `before` are looked at.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the case `before`, with the parameters that its records give.
+
+    Returns
+    -------
+    Layout or None
+        None where more has changed than parameters of devices of generators.
+
+    Raises
+    ------
+    CaseError
+        As :func:`assemble`.
+    """
+    changed: dict[str, list[int]] = {}
+    for k, (old, new) in enumerate(zip(before.devices, case.devices, strict=True)):
+        if new is not old:
+            if (new.model, new.key) != (old.model, old.key):
+                return None
+            changed.setdefault(new.model, []).append(k)
+    ratings = _Ratings(case)
+    place = {block.device.model: at for at, block in enumerate(layout.blocks)}
+    faults: list[str] = []
+    blocks = list(layout.blocks)
+    for model, records in changed.items():
+        device = devices.get(model)
+        if device is None or model not in place or device.role is Role.LOAD:
+            return None
+        for k in records:
+            old, new = before.devices[k], case.devices[k]
+            if device.has_dynamics(new.parameters) != device.has_dynamics(old.parameters):
+                return None
+            found = _record_faults(device, new, ratings)
+            faults += [f"{case.locate(new)}: {fault}" for fault in found]
+        if not faults:
+            at = place[model]
+            blocks[at] = _with_records(blocks[at], case, records, ratings)
+    if faults:
+        raise CaseError(faults, f"case {case.name}, dynamic devices")
+    return replace(layout, blocks=tuple(blocks))
+
+
+def _with_records(block: Block, case: Case, positions: Sequence[int], ratings: _Ratings) -> Block:
+    """A block with the parameters of the records at some positions, of units that it has."""
+    column_of = {unit: column for column, unit in enumerate(block.units)}
+    positions = [k for k in positions if case.device_keys[k] in column_of]
+    if not positions:
+        return block
+    records = [case.devices[k] for k in positions]
+    bases = np.array([ratings.of(block.device, record) for record in records])
+    columns = [column_of[case.device_keys[k]] for k in positions]
+    parameters = block.parameters.copy()
+    parameters[:, columns] = _parameter_rows(block.device, records, bases, case)
+    return replace(block, parameters=parameters)
+
+
 def load_characteristics(
     case: Case, devices: Mapping[str, Device] = DEVICES
 ) -> dict[UnitKey, Terms]:
     """Voltage dependence of loads in service that have a record of it."""
-    live = {load.key for load in case.loads if load.in_service}
     found: dict[UnitKey, Terms] = {}
-    for record in case.devices:
+    live: set[UnitKey] | None = None
+    for key, record in zip(case.device_keys, case.devices, strict=True):
         device = devices.get(record.model)
-        if device is not None and device.characteristic is not None and record.key in live:
-            found[record.key] = device.characteristic(record.parameters)
+        if device is None or device.characteristic is None:
+            continue
+        if live is None:
+            loads = zip(case.load_keys, case.loads, strict=True)
+            live = {load_key for load_key, load in loads if load.in_service}
+        if key in live:
+            found[key] = device.characteristic(record.parameters)
     return found
 
 
@@ -76,16 +151,21 @@ class _Ratings:
     """Bases in MVA of devices of a case."""
 
     def __init__(self, case: Case):
-        self.system_mva = case.base_mva
-        self.units = {generator.key: generator.base_mva for generator in case.generators}
-        self.loads = {load.key: case.stored_power(load).real for load in case.loads}
+        self.case = case
+        bases = (generator.base_mva for generator in case.generators)
+        self.units = dict(zip(case.unit_keys, bases, strict=True))
+        self.loads = dict(zip(case.load_keys, case.loads, strict=True))
 
     def of(self, device: Device, record: DeviceRecord) -> float:
         """Base of a device: that of its generator, or what the device says of its load."""
-        load_mw = self.loads.get(record.key)
-        if load_mw is None or device.rating is None:
-            return self.units.get(record.key, self.system_mva)
-        return device.rating(record.parameters, load_mw)
+        key = record.key
+        if device.rating is None or key not in self.loads:
+            return self.units.get(key, self.case.base_mva)
+        return device.rating(record.parameters, self.drawn_mw(key))
+
+    def drawn_mw(self, load: UnitKey) -> float:
+        """Active power of a load at the stored voltage in MW."""
+        return self.case.stored_power(self.loads[load]).real
 
 
 def negative_loads(case: Case) -> frozenset[UnitKey]:
@@ -142,7 +222,7 @@ def _record_faults(device: Device, record: DeviceRecord, ratings: _Ratings) -> I
     if (device.role is Role.LOAD) != (record.key in ratings.loads):
         its, other = ("load", "generator") if device.role is Role.LOAD else ("generator", "load")
         yield f"it is a device of a {its}, but {record.key} is a {other}"
-    known = {parameter.name: parameter for parameter in device.parameters}
+    known = [parameter.name for parameter in device.parameters]
     sound = True
     for name in record.parameters:
         if name not in known:
@@ -165,7 +245,7 @@ def _record_faults(device: Device, record: DeviceRecord, ratings: _Ratings) -> I
     if base_mva > 0:
         yield from parameter_faults(device, device.acting(values, base_mva))
     else:
-        drawn = ratings.loads[record.key]
+        drawn = ratings.drawn_mw(record.key)
         yield f"its base is {base_mva:g} MVA and must be positive; the load draws {drawn:g} MW"
 
 

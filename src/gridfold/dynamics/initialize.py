@@ -4,12 +4,12 @@ Block by block, in the order of demand (machine, load, exciter, turbine, governo
 method finds the states, set points and free inputs for which all derivatives vanish and the targets
 are met. It works on the devices' own kernels, so no start-up formula repeats an equation. Limits are
 taken away for that; one that the start is beyond is named, or moved to the start if asked for.
+Units of several operating points stand side by side and are solved for together.
 """
 
 from __future__ import annotations
 
-from collections import ChainMap
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -17,19 +17,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen, taken
+from gridfold.dynamics.device import START_ORDER, Device, nothing_foreseen
 from gridfold.dynamics.device_functions import first_guess, foreseen
 from gridfold.dynamics.evaluate import derivative_stage, output_stage, source_stage
-from gridfold.dynamics.layout import Block, Layout, given_as
+from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.limiting import acting_limits, widened, without_limits
-from gridfold.errors import InitializationError
+from gridfold.dynamics.start_signals import StartSignals
+from gridfold.errors import GridfoldError, InitializationError
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.newton import COMPLEX_STEP, newton_batch
 from gridfold.powerflow.result import PowerFlowResult
 
 _RESIDUAL_LIMIT = 1e-6
-
-Known = dict[tuple[UnitKey, str], float]
 
 
 class OnLimit(Enum):
@@ -58,11 +57,19 @@ class Start:
 
 
 @dataclass
-class _LimitReport:
-    """Limits that the operating point is beyond."""
+class _Report:
+    """What is wrong at each of several operating points: beyond limits, or without equilibrium.
+
+    With `raises` a device without equilibrium is an error at once.
+    """
 
     on_limit: OnLimit
-    lines: list[str] = field(default_factory=list)
+    points: int = 1
+    raises: bool = True
+    lost: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.lines: list[list[str]] = [[] for _ in range(self.points)]
 
 
 def initialize(
@@ -76,129 +83,182 @@ def initialize(
         A device has no equilibrium, or it is beyond limits and `on_limit` does not say to move them;
         names every such limit.
     """
-    report = _LimitReport(on_limit)
-    blocks, x0, known = _start_all(layout, power_flow, report)
-    if report.lines and on_limit is OnLimit.ERROR:
+    report = _Report(on_limit)
+    (start,) = _starts((layout,), (power_flow,), report)
+    (lines,) = report.lines
+    if lines and on_limit is OnLimit.ERROR:
         raise InitializationError(
-            "the operating point is beyond limits:\n  " + "\n  ".join(report.lines), [_MOVE]
+            "the operating point is beyond limits:\n  " + "\n  ".join(lines), [_MOVE]
         )
-    constants = np.array([known[name] for name in layout.constant_names])
-    currents = {
-        unit: complex(known[unit, block.device.sources[0]], known[unit, block.device.sources[1]])
-        for block in blocks
-        if block.device.injects
-        for unit in block.units
-    }
-    return Start(
-        replace(layout, blocks=tuple(blocks)),
-        x0,
-        constants,
-        np.array([currents[unit] for unit in layout.source_units], dtype=np.complex128),
-        tuple(report.lines),
-    )
+    return start
+
+
+def initialize_each(
+    layouts: Sequence[Layout], power_flows: Sequence[PowerFlowResult], on_limit: OnLimit
+) -> list[Start | None]:
+    """The same at several operating points of one grid, whose layouts have the same places.
+
+    None where :func:`initialize` has to tell what is wrong.
+    """
+    report = _Report(on_limit, len(layouts), raises=False)
+    try:
+        starts = _starts(layouts, power_flows, report)
+    except GridfoldError:
+        return [None] * len(layouts)
+    refused = on_limit is OnLimit.ERROR
+    return [
+        None if k in report.lost or (refused and report.lines[k]) else start
+        for k, start in enumerate(starts)
+    ]
+
+
+def _starts(
+    layouts: Sequence[Layout], power_flows: Sequence[PowerFlowResult], report: _Report
+) -> list[Start]:
+    """The start at each operating point; `report` has what is wrong with it."""
+    blocks, states, known = _start_all(layouts, power_flows, report)
+    layout, points = layouts[0], report.points
+    constants = np.zeros((points, len(layout.constant_names)))
+    for k, (unit, name) in enumerate(layout.constant_names):
+        constants[:, k] = known.each(unit, name)
+    currents = np.zeros((points, len(layout.source_units)), dtype=np.complex128)
+    place = {unit: k for k, unit in enumerate(layout.source_units)}
+    for block in layout.blocks:
+        if block.device.injects:
+            at = known.columns(block.units)
+            real, imaginary = (known.row(name, at) for name in block.device.sources[:2])
+            columns = [place[unit] for unit in block.units]
+            currents[:, columns] = (real + 1j * imaginary).reshape(points, -1)
+    return [
+        Start(
+            replace(own, blocks=tuple(_of_point(block, k, points) for block in blocks)),
+            states[k],
+            constants[k],
+            currents[k],
+            tuple(report.lines[k]),
+        )
+        for k, own in enumerate(layouts)
+    ]
+
+
+def _of_point(block: Block, point: int, points: int) -> Block:
+    """The block of one operating point of several that stand side by side."""
+    if points == 1:
+        return block
+    n = len(block.units) // points
+    own = slice(point * n, (point + 1) * n)
+    parameters = np.ascontiguousarray(block.parameters[:, own])
+    return replace(block, units=block.units[own], parameters=parameters)
 
 
 def reference_at_speed(
     layout: Layout, power_flow: PowerFlowResult, at: int, unit: UnitKey, name: str, speed: float
 ) -> float:
     """Set point `name` with which a unit's governor, block `at`, holds its power at `speed` (p.u.)."""
-    report = _LimitReport(OnLimit.ADJUST)
-    blocks, _, known = _start_all(layout, power_flow, report)
+    report = _Report(OnLimit.ADJUST)
+    blocks, _, known = _start_all((layout,), (power_flow,), report)
     block = blocks[at]
     column = block.units.index(unit)
     alone = replace(
         block, units=(unit,), parameters=np.ascontiguousarray(block.parameters[:, [column]])
     )
-    found, _ = _start_block(alone, {**known, (unit, "speed"): speed}, report)
+    known.put("speed", known.columns((unit,)), speed)
+    found, _ = _start_block(alone, known, report)
     return float(found.parameters[found.device.parameter_rows.index(name), 0])
 
 
 def _start_all(
-    layout: Layout, power_flow: PowerFlowResult, report: _LimitReport
-) -> tuple[list[Block], NDArray[np.float64], Known]:
-    """All blocks with their set points, the states, and all signals by unit and name."""
-    known = _operating_point(layout, power_flow)
-    for block in layout.blocks:
-        known |= _foreseen(block, known)
-    x0 = np.zeros(layout.n_states)
-    blocks = list(layout.blocks)
+    layouts: Sequence[Layout], power_flows: Sequence[PowerFlowResult], report: _Report
+) -> tuple[list[Block], NDArray[np.float64], StartSignals]:
+    """All blocks with their set points, the states (n_points, n_states), and all signals."""
+    known = _operating_points(layouts[0], power_flows)
+    blocks = [_side_by_side(same) for same in zip(*(own.blocks for own in layouts), strict=True)]
+    for block in blocks:
+        _foresee(block, known)
+    states = np.zeros((report.points, layouts[0].n_states))
     order = sorted(range(len(blocks)), key=lambda k: START_ORDER.index(blocks[k].device.role))
     for k in order:
-        blocks[k], x = _start_block(blocks[k], known, report, layout.relayed)
-        x0[blocks[k].state_index] = x
-    return blocks, x0, known
+        own = layouts[0].blocks[k]
+        blocks[k], x = _start_block(blocks[k], known, report)
+        of_points = x.reshape(len(x), report.points, len(own.units))
+        states[:, own.state_index] = of_points.transpose(1, 0, 2)
+    return blocks, states, known
 
 
-def _operating_point(layout: Layout, power_flow: PowerFlowResult) -> Known:
-    case = power_flow.case
-    power = {g.key: s for g, s in zip(case.generators, power_flow.unit_power, strict=True)}
-    power |= {load.key: -drawn for load, drawn in power_flow.drawn_by_loads()}
-    known: Known = {}
-    for unit in layout.source_units:
-        voltage = power_flow.voltage[case.bus_index[unit.bus]]
-        known[unit, "voltage_real"] = voltage.real
-        known[unit, "voltage_imag"] = voltage.imag
-        known[unit, "active_power"] = power[unit].real
-        known[unit, "reactive_power"] = power[unit].imag
+def _side_by_side(same: Sequence[Block]) -> Block:
+    """A block of several operating points as one."""
+    if len(same) == 1:
+        return same[0]
+    parameters = np.ascontiguousarray(np.hstack([block.parameters for block in same]))
+    return replace(same[0], units=same[0].units * len(same), parameters=parameters)
+
+
+def _operating_points(layout: Layout, power_flows: Sequence[PowerFlowResult]) -> StartSignals:
+    case, units = power_flows[0].case, layout.source_units
+    buses = [case.bus_index[unit.bus] for unit in units]
+    power = np.array([_powers(units, flow) for flow in power_flows])
+    voltage = np.array([flow.voltage[buses] for flow in power_flows])
+    known = StartSignals(layout, len(power_flows))
+    at = known.columns(units)
+    known.put("voltage_real", at, voltage.real.ravel())
+    known.put("voltage_imag", at, voltage.imag.ravel())
+    known.put("active_power", at, power.real.ravel())
+    known.put("reactive_power", at, power.imag.ravel())
     return known
 
 
-def _foreseen(block: Block, known: Known) -> Known:
-    """Signals that a block decides before any other."""
-    device, units = block.device, block.units
+def _powers(units: Sequence[UnitKey], power_flow: PowerFlowResult) -> NDArray[np.complex128]:
+    """Power that sources give, (n_units,)."""
+    of_units = power_flow.unit_power.tolist()
+    power = dict(zip(power_flow.case.unit_keys, of_units, strict=True))
+    if not power.keys() >= set(units):
+        power |= {load.key: -drawn for load, drawn in power_flow.drawn_by_loads()}
+    return np.array([power[unit] for unit in units], dtype=np.complex128)
+
+
+def _foresee(block: Block, known: StartSignals) -> None:
+    """Add signals that a block decides before any other."""
+    device = block.device
     if device.foresee is nothing_foreseen:
-        return {}
-    names = [name for name in device.inputs if all((unit, name) in known for unit in units)]
-    signals = {name: np.array([known[unit, name] for unit in units]) for name in names}
+        return
+    at = known.columns_of(block)
+    signals = {name: known.row(name, at) for name in device.inputs if known.knows(name, at).all()}
     parameters = dict(zip(device.parameter_rows, block.parameters, strict=True))
-    return {
-        (unit, name): float(value)
-        for name, values in foreseen(device, parameters, signals, len(units)).items()
-        for unit, value in zip(units, values, strict=True)
-    }
+    for name, values in foreseen(device, parameters, signals, len(at)).items():
+        known.put(name, at, values)
 
 
 def _start_block(
-    block: Block,
-    known: Known,
-    report: _LimitReport,
-    relayed: Collection[tuple[UnitKey, str]] = (),
+    block: Block, known: StartSignals, report: _Report
 ) -> tuple[Block, NDArray[np.float64]]:
     """Solve one block; its signals are added to `known`."""
     device, units = block.device, block.units
-    wanted = {
-        (unit, name): known[given_as(device, unit, name, relayed)]
-        for name in device.targets
-        for unit in units
-        if given_as(device, unit, name, relayed) in known
-    }
-    seen = ChainMap(wanted, known)
+    at = known.columns_of(block)
+    seen = known.wanted(device, at)
     for name, value in device.defaults.items():
-        for unit in units:
-            known.setdefault((unit, name), value)
+        known.put_default(name, at, value)
     given = [name for name in device.inputs if name not in device.solved_inputs]
-    for name in (*given, *device.targets):
-        missing = [unit for unit in units if _value_of(device, unit, name, seen) is None]
-        if missing:
+    given_values = {}
+    for name in dict.fromkeys((*given, *device.targets)):
+        given_values[name], there = seen.row(name)
+        if not there.all():
             raise InitializationError(
-                f"{device.model} {missing[0]}: nothing tells the start value of its {name}"
+                f"{device.model} {units[int(np.argmin(there))]}: nothing tells the start value of "
+                f"its {name}"
             )
     free = replace(block, parameters=without_limits(device, block.parameters))
-    names = {*device.inputs, *device.targets} - set(device.solved_inputs)
-    given_values = {
-        name: np.array([_value_of(device, unit, name, seen) for unit in units]) for name in names
-    }
+    for name in device.solved_inputs:
+        given_values.pop(name, None)
     problem = _StartProblem(free, given_values)
     solution = newton_batch(problem.residual, problem.guess(), jacobian=problem.jacobian)
-    problem.check(solution)
+    _check_equilibrium(problem, solution, report)
     x, u, p, y = problem.split(solution.astype(np.complex128))
     solved = [device.inputs.index(name) for name in device.solved_inputs]
     for name, row in zip(device.solved_inputs, u[solved].real, strict=True):
-        known |= {(unit, name): value for unit, value in zip(units, row, strict=True)}
+        known.put(name, at, row)
     for rows, values in ((device.states, x), (device.signal_rows, y)):
         for name, row in zip(rows, values.real, strict=True):
-            keys = (given_as(device, unit, name, relayed) for unit in units)
-            known |= dict(zip(keys, row, strict=True))
+            known.give(device, name, at, row)
     parameters = np.ascontiguousarray(p.real)
     for limit in device.limits:
         row = device.parameter_rows.index(limit.parameter)
@@ -207,11 +267,27 @@ def _start_block(
     return replace(block, parameters=parameters), x.real
 
 
-def _value_of(
-    device: Device, unit: UnitKey, name: str, known: Mapping[tuple[UnitKey, str], float]
-) -> float | None:
-    """Start value of what an input of a device is."""
-    return known.get((unit, taken(device, name, lambda signal: (unit, signal) in known)))
+def _check_equilibrium(
+    problem: _StartProblem, solution: NDArray[np.float64], report: _Report
+) -> None:
+    """Note the points that have no equilibrium, or raise; names the worst unit and equation."""
+    error = np.abs(problem.residual(solution.astype(np.complex128)))
+    if not error.size:
+        return
+    unsolved = ~(error <= _RESIDUAL_LIMIT).all(axis=0)
+    if not unsolved.any():
+        return
+    device, units = problem.device, problem.block.units
+    if not report.raises:
+        report.lost |= set((np.flatnonzero(unsolved) * report.points // len(units)).tolist())
+        return
+    worst = np.unravel_index(np.argmax(np.nan_to_num(error, nan=np.inf)), error.shape)
+    equations = [f"d {name}/dt" for name in device.states]
+    equations += [f"target {name}" for name in device.targets]
+    raise InitializationError(
+        f"{device.model} {units[worst[1]]} has no equilibrium at the "
+        f"power-flow solution: {equations[worst[0]]} is off by {error[worst]:.3g}"
+    )
 
 
 def _check_limits(
@@ -219,7 +295,7 @@ def _check_limits(
     x: NDArray[np.float64],
     u: NDArray[np.float64],
     p: NDArray[np.float64],
-    report: _LimitReport,
+    report: _Report,
 ) -> None:
     """Write down the limits that act at the start, and move them in `p` if that is asked for.
 
@@ -235,7 +311,7 @@ def _check_limits(
             row = device.parameter_rows.index(limit.parameter)
             one = [np.ascontiguousarray(rows[:, [column]]) for rows in (x, u, moved)]
             needed, symbol = widened(device, k, *one), device.parameters[row].symbol
-            report.lines.append(
+            report.lines[column * report.points // len(block.units)].append(
                 f"{device.model} {block.units[column]}: {symbol} ({limit.parameter}) is "
                 f"{p[row, column]:.6g}, the start needs {needed:.6g}"
             )
@@ -319,17 +395,3 @@ class _StartProblem:
         )
         known = {name: np.tile(values, again) for name, values in self.known.items()}
         return _StartProblem(block, known)
-
-    def check(self, solution: NDArray[np.float64]) -> None:
-        """Raise unless every unit has an equilibrium; names the worst unit and equation."""
-        error = np.abs(self.residual(solution.astype(np.complex128)))
-        if not error.size:
-            return
-        worst = np.unravel_index(np.argmax(np.nan_to_num(error, nan=np.inf)), error.shape)
-        if not error[worst] <= _RESIDUAL_LIMIT:
-            equations = [f"d {name}/dt" for name in self.device.states]
-            equations += [f"target {name}" for name in self.device.targets]
-            raise InitializationError(
-                f"{self.device.model} {self.block.units[worst[1]]} has no equilibrium at the "
-                f"power-flow solution: {equations[worst[0]]} is off by {error[worst]:.3g}"
-            )

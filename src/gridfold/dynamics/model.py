@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -11,11 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.cards import Card
-from gridfold.dynamics.assemble import assemble, load_characteristics, negative_loads
+from gridfold.dynamics.assemble import (
+    assemble,
+    load_characteristics,
+    negative_loads,
+    with_changed_records,
+)
 from gridfold.dynamics.device import Device, Role
 from gridfold.dynamics.device_functions import norton_admittance
 from gridfold.dynamics.fast_modes import JOINED, FastModes, find_fast_modes
-from gridfold.dynamics.initialize import OnLimit, Start, initialize
+from gridfold.dynamics.initialize import OnLimit, Start, initialize, initialize_each
 from gridfold.dynamics.jacobian import Partials, joined_partials
 from gridfold.dynamics.layout import ROTOR_ANGLE, Block, Group, Layout, build_layout
 from gridfold.dynamics.network import (
@@ -43,7 +48,7 @@ from gridfold.dynamics.settings import settled
 from gridfold.dynamics.shedding import shed_devices
 from gridfold.dynamics.unit_partials import UnitKernels
 from gridfold.dynamics.unit_solver import UnitSolvers
-from gridfold.errors import InitializationError, PowerFlowError
+from gridfold.errors import GridfoldError, InitializationError, PowerFlowError
 from gridfold.grid.admittance import bus_admittance
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
@@ -60,6 +65,8 @@ from gridfold.powerflow.rounding import rounding_power
 #: Residual of the equilibrium below which nothing is said, and above which the model is refused; what
 #: rounding in the network may leave is allowed besides (:func:`good_residual`).
 RESIDUAL_GOOD, RESIDUAL_LIMIT = 1e-8, 1e-6
+#: Units of all operating points whose starts are solved for side by side: more take memory.
+_COLUMNS = 5000
 _LIMIT_MOVED = "limit moved to the start: "
 
 
@@ -197,7 +204,7 @@ class DetailedModel(Card):
     def units(self) -> tuple[UnitKey, ...]:
         """Units that feed a current into the network, in order of the case: generators, then loads."""
         present = set(self.layout.source_units)
-        keys = [*(g.key for g in self.case.generators), *(load.key for load in self.case.loads)]
+        keys = (*self.case.unit_keys, *self.case.load_keys)
         return tuple(key for key in keys if key in present)
 
     def slots(self, name: str, units: tuple[UnitKey, ...]) -> NDArray[np.int64]:
@@ -241,7 +248,7 @@ class DetailedModel(Card):
             injections = replace(injections, machine=_machine_admittances(layout))
         injections = _in_state(self.power_flow, injections, state)
         equations = build_equations(self.power_flow, injections, layout.terminals, state)
-        return replace(
+        model = replace(
             self,
             state=state,
             equations=equations,
@@ -249,6 +256,8 @@ class DetailedModel(Card):
             injections=injections,
             start=start,
         )
+        self._share_units(model)
+        return model
 
     def _redispatched(self, dispatch: Sequence[tuple[UnitKey, float]]) -> DetailedModel:
         """The model at the equilibrium of another dispatch, in the state of the case."""
@@ -281,18 +290,96 @@ class DetailedModel(Card):
         InitializationError
             A device has no equilibrium there, or is beyond a limit.
         """
+        layout, nonlinear = self._moved(power_flow)
+        start = initialize(layout, power_flow, self.on_limit)
+        return self._started_at(power_flow, layout, nonlinear, start)
+
+    def at_each(
+        self, power_flows: Sequence[PowerFlowResult]
+    ) -> list[DetailedModel | GridfoldError]:
+        """The models at several operating points, or what is wrong there; see :meth:`at`.
+
+        Their starts are solved for side by side.
+        """
+        found: list[DetailedModel | GridfoldError] = []
+        most = max(1, _COLUMNS // max(len(self.layout.source_units), 1))
+        for first in range(0, len(power_flows), most):
+            found += self._at_some(power_flows[first : first + most])
+        return found
+
+    def _at_some(
+        self, power_flows: Sequence[PowerFlowResult]
+    ) -> Iterator[DetailedModel | GridfoldError]:
+        moved: list[tuple[Layout, NonlinearLoads | None] | GridfoldError] = []
+        for flow in power_flows:
+            try:
+                moved.append(self._moved(flow))
+            except GridfoldError as error:
+                moved.append(error)
+        together = [
+            (k, item[0])
+            for k, item in enumerate(moved)
+            if not isinstance(item, GridfoldError) and item[0].has_places_of(self.layout)
+        ]
+        starts: dict[int, Start | None] = {}
+        if together:
+            places, layouts = zip(*together, strict=True)
+            flows = [power_flows[k] for k in places]
+            begun = initialize_each(layouts, flows, self.on_limit)
+            starts = dict(zip(places, begun, strict=True))
+        for k, (flow, item) in enumerate(zip(power_flows, moved, strict=True)):
+            if isinstance(item, GridfoldError):
+                yield item
+                continue
+            try:
+                start = starts.get(k) or initialize(item[0], flow, self.on_limit)
+                yield self._started_at(flow, *item, start)
+            except GridfoldError as error:
+                yield error
+
+    def _moved(self, power_flow: PowerFlowResult) -> tuple[Layout, NonlinearLoads | None]:
+        """Layout with the parameters of another operating point, before the start, and its loads."""
         assert self.origin is not None
         devices, layout, apart = self.origin
         case, before = power_flow.case, self.injections.nonlinear
         nonlinear = _nonlinear(power_flow, self.loads, devices, apart)
         ports, known = (() if loads is None else loads.buses for loads in (nonlinear, before))
         rated = any(block.device.role is Role.LOAD for block in layout.blocks)
-        if case.devices is not self.case.devices or ports != known or rated:
-            groups = assemble(case, devices, self.case.devices)
-            same = ports == known and layout.holds(groups)
-            layout = layout.with_parameters(groups) if same else build_layout(groups, ports)
+        if case.devices is self.case.devices and ports == known and not rated:
+            return layout, nonlinear
+        if ports == known and not rated:
+            changed = with_changed_records(layout, case, self.case, devices)
+            if changed is not None:
+                return changed, nonlinear
+        groups = assemble(case, devices, self.case.devices)
+        if ports == known and layout.holds(groups):
+            return layout.with_parameters(groups), nonlinear
+        return build_layout(groups, ports), nonlinear
+
+    def _started_at(
+        self,
+        power_flow: PowerFlowResult,
+        layout: Layout,
+        nonlinear: NonlinearLoads | None,
+        start: Start,
+    ) -> DetailedModel:
+        assert self.origin is not None
+        origin = self.origin._replace(layout=layout)
         rest = (self.backend, self.on_limit, self.loads, self.doubts)
-        return _started(Origin(devices, layout, apart), power_flow, nonlinear, *rest)
+        model = _started(origin, power_flow, nonlinear, start, *rest)
+        self._share_units(model)
+        return model
+
+    def _share_units(self, other: DetailedModel) -> None:
+        """Have a model with the same places take what is known of its units."""
+        if other.layout.signal_slots is self.layout.signal_slots:
+            vars(other)["units"], vars(other)["machines"] = self.units, self.machines
+
+    def has_places_of(self, other: DetailedModel) -> bool:
+        """Whether it has the devices and the network of the other one, whatever their values are."""
+        return self.layout.has_places_of(other.layout) and self.equations.has_places_of(
+            other.equations
+        )
 
     def with_blocks(self, blocks: Sequence[Block]) -> DetailedModel:
         """The same devices with other parameters, in this network state."""
@@ -436,7 +523,8 @@ def _built(
     layout = build_layout(groups, () if nonlinear is None else nonlinear.buses)
     doubts = model_doubts(solved, devices)
     origin = Origin(devices, layout, apart)
-    return _started(origin, solved, nonlinear, backend, on_limit, loads, doubts)
+    start = initialize(layout, solved, on_limit)
+    return _started(origin, solved, nonlinear, start, backend, on_limit, loads, doubts)
 
 
 def _standing_apart(
@@ -461,14 +549,14 @@ def _started(
     origin: Origin,
     solved: PowerFlowResult,
     nonlinear: NonlinearLoads | None,
+    start: Start,
     backend: NetworkBackend,
     on_limit: OnLimit,
     loads: LoadModel,
     doubts: tuple[Doubt, ...],
 ) -> DetailedModel:
-    """The model at its equilibrium, from a layout with the parameters of the case."""
+    """The model at its equilibrium, from a layout with the parameters of the case and its start."""
     layout = origin.layout
-    start = initialize(layout, solved, on_limit)
     state = initial_state(solved.case)
     injections = _in_state(solved, _injections(solved, start, nonlinear, origin.apart), state)
     equations = build_equations(solved, injections, layout.terminals, state)
@@ -521,13 +609,15 @@ def _injections(
     squared = np.abs(power_flow.voltage) ** 2
     absorbed = negative_loads(case)
     negative = {
-        g.key: -complex(np.conj(power) / squared[case.bus_index[g.bus]])
-        for g, power in zip(case.generators, power_flow.unit_power, strict=True)
-        if g.key in absorbed and g.in_service
+        key: -complex(np.conj(power) / squared[case.bus_index[g.bus]])
+        for key, g, power in zip(
+            case.unit_keys, case.generators, power_flow.unit_power, strict=True
+        )
+        if key in absorbed and g.in_service
     }
     machine = _machine_admittances(layout)
     power = power_flow.load_power + power_flow.converter_power
-    for load, drawn in power_flow.drawn_by_loads():
+    for load, drawn in power_flow.drawn_by_loads() if apart else ():
         if load.key in apart:
             power[case.bus_index[load.bus]] -= drawn
     norton = dict(zip(layout.source_units, start.currents.tolist(), strict=True))

@@ -108,13 +108,15 @@ def pack_rhs(
 class PackedModel:
     """The data that :func:`run_calls` and :func:`solve_voltages` read; more may be added behind.
 
-    `header` holds the numbers named above and then the table of calls; it comes first.
+    `header` holds the numbers named above and then the table of calls; it comes first. `parameters_at`
+    are the positions of the blocks' parameters among the reals.
     """
 
     header: NDArray[np.int64]
     integers: Store
     reals: Store
     work_size: int
+    parameters_at: tuple[int, ...]
 
 
 def pack_model(
@@ -179,7 +181,8 @@ def pack_model(
     header[CALLS_AT] = header_size
     table = np.array(calls, dtype=np.int64).ravel()
     work_size = int(header[SCRATCH_AT]) + network.scratch_size
-    return PackedModel(np.concatenate([header, table]), integers, reals, work_size)
+    parameters_at = tuple(data_at[id(block)][2] for block in layout.blocks)
+    return PackedModel(np.concatenate([header, table]), integers, reals, work_size, parameters_at)
 
 
 def _source(block: Block) -> Kernel | None:

@@ -282,6 +282,21 @@ class Case(Card):
         return {bus.number: position for position, bus in enumerate(self.buses)}
 
     @cached_property
+    def unit_keys(self) -> tuple[UnitKey, ...]:
+        """The unit of each generator."""
+        return tuple(unit.key for unit in self.generators)
+
+    @cached_property
+    def load_keys(self) -> tuple[UnitKey, ...]:
+        """The unit of each load."""
+        return tuple(load.key for load in self.loads)
+
+    @cached_property
+    def device_keys(self) -> tuple[UnitKey, ...]:
+        """The unit of each device record."""
+        return tuple(record.key for record in self.devices)
+
+    @cached_property
     def branch_names(self) -> tuple[str, ...]:
         """``FROM-TO`` of each branch, ``FROM-TO:CIRCUIT`` where several join the same buses."""
         parallel = Counter(frozenset((item.from_bus, item.to_bus)) for item in self.branches)

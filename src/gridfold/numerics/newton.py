@@ -37,27 +37,30 @@ def newton_batch(
 ) -> Batch:
     """Solve function(z) = 0 for each column of `start`, shape (n, batch).
 
-    Iterates until no residual exceeds `tolerance` or no correction improves it; the caller judges
-    the residual that is left. `jacobian` gives the Jacobians as :func:`complex_step_jacobian` does,
-    which stands for it by default.
+    Each column is iterated until its residual does not exceed `tolerance` or no correction improves it,
+    whatever the others do; the caller judges the residual that is left. `jacobian` gives the Jacobians
+    as :func:`complex_step_jacobian` does, which stands for it by default.
     """
     slopes = jacobian or partial(complex_step_jacobian, function)
     z = start.copy()
     best, best_error = z, np.full(z.shape[1], np.inf)
+    left = np.ones(z.shape[1], dtype=bool)
     for _ in range(max_iterations):
         residual = function(z.astype(np.complex128)).real
         error = np.abs(residual).max(axis=0, initial=0.0)
-        better = error < best_error
+        better = left & (error < best_error)
         best = np.where(better, z, best)
-        best_error = np.fmin(error, best_error)
-        left = best_error > tolerance
-        if not left.any() or ((best_error <= _ROUNDING).all() and not better[left].any()):
+        best_error = np.where(better, error, best_error)
+        left &= (best_error > tolerance) & (better | (best_error > _ROUNDING))
+        if not left.any():
             break
         try:
             correction = np.linalg.solve(slopes(z).transpose(2, 0, 1), residual.T[:, :, None])
         except np.linalg.LinAlgError:
             break
         z = z - correction[:, :, 0].T
-        if not np.isfinite(z).all():
-            break
+        lost = ~np.isfinite(z).all(axis=0)
+        if lost.any():
+            left &= ~lost
+            z = np.where(lost, best, z)
     return best

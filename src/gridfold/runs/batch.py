@@ -1,17 +1,18 @@
-"""Simulate many disturbances of one model side by side."""
+"""Simulate many disturbances side by side: of one model, or each at an operating point of its own."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gridfold.dynamics.batch.change import NetworkChange
 from gridfold.dynamics.batch.rhs import BatchRhs, batch_rhs
 from gridfold.dynamics.batch.voltages import voltage_observer
+from gridfold.dynamics.layout import Layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.change import Event
@@ -54,6 +55,7 @@ def simulate_batch(
     criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
     store: ModelStore | None = None,
     every_state: bool = False,
+    models: Sequence[DetailedModel] | None = None,
 ) -> Iterator[tuple[int, Outcome]]:
     """Simulate disturbances side by side, from the equilibrium at t = 0.
 
@@ -69,6 +71,10 @@ def simulate_batch(
     every_state : bool
         Keep all states of the trajectories; else those of rotor angles and speeds, and the extremes
         of the voltages.
+    models : sequence of DetailedModel, optional
+        The model of each run, at an operating point and with parameters of its own
+        (:meth:`gridfold.DetailedModel.at`); by default that of all is `model`. One with other devices
+        or another network than `model` runs by itself. `store` has nothing of them.
 
     Yields
     ------
@@ -78,9 +84,12 @@ def simulate_batch(
     Raises
     ------
     OptionError
-        Runs of this model, or with this stepper, do not go side by side, see :func:`why_single`.
+        Runs of this model, or with this stepper, do not go side by side, see :func:`why_single`;
+        `models` are not as many as the disturbances.
     """
-    return simulate_chains(model, disturbances, None, t_end, stepper, criterion, store, every_state)
+    return simulate_chains(
+        model, disturbances, None, t_end, stepper, criterion, store, every_state, models=models
+    )
 
 
 def simulate_chains(
@@ -93,6 +102,7 @@ def simulate_chains(
     store: ModelStore | None = None,
     every_state: bool = False,
     voltages: bool = True,
+    models: Sequence[DetailedModel] | None = None,
 ) -> Iterator[tuple[int, Outcome]]:
     """The same where a run may be followed by another one that hangs on what came of it.
 
@@ -102,24 +112,29 @@ def simulate_chains(
         What happens in the first run of each chain.
     follow : callable, optional
         The next disturbance of a chain from its number and the last outcome; None ends it. It touches
-        the same places in the network as the first one.
+        the same places in the network as the first one, at the same dispatch.
     voltages : bool
         Find the extremes of the voltages.
+    models : sequence of DetailedModel, optional
+        The model of each chain.
     """
+    if models is not None and len(models) != len(disturbances):
+        raise OptionError(f"{len(disturbances)} disturbances have {len(models)} models")
     method = fit_stepper(model, stepper)
     reason = why_single(model, method.stepper)
     if reason is not None:
         raise OptionError(f"runs do not go side by side: {reason}")
     if every_state:
         check_states(model, t_end, method.stepper.step)
-    store = {model.state: model} if store is None else store
-    plans = Plans(model, t_end, method, criterion, store)
+    rest = (criterion, {model.state: model} if store is None else store, model)
+    plans = Plans(model, t_end, method, *rest)
+    plans_of = _PlansOfEach(plans, models)
     ready: deque[Member] = deque()
 
     def begin(number: int, events: Sequence[Event] | None) -> Iterator[tuple[int, Outcome]]:
         """Have a disturbance wait for a column; one that runs alone is followed at once."""
         while events is not None:
-            found = plans.ready(number, tuple(events))
+            found = plans_of[number].ready(number, tuple(events))
             if isinstance(found, Member):
                 ready.append(found)
                 return
@@ -135,6 +150,25 @@ def simulate_chains(
         yield ended
         if follow is not None:
             yield from begin(ended[0], follow(*ended))
+
+
+class _PlansOfEach:
+    """The plans by which each disturbance is made a member; those of one model are the same."""
+
+    def __init__(self, plans: Plans, models: Sequence[DetailedModel] | None):
+        self.shared, self.models = plans, models
+        self.known = {id(plans.model): plans}
+
+    def __getitem__(self, number: int) -> Plans:
+        if self.models is None:
+            return self.shared
+        model = self.models[number]
+        if id(model) not in self.known:
+            method = fit_stepper(model, self.shared.method.stepper)
+            self.known[id(model)] = replace(
+                self.shared, model=model, method=method, store={model.state: model}
+            )
+        return self.known[id(model)]
 
 
 @dataclass
@@ -155,14 +189,17 @@ class _SideBySide:
         every_state: bool,
         voltages: bool,
     ):
-        self.plans, self.waiting = plans, ready
+        self.waiting = ready
         model = self.model = plans.model
         width = WIDTH
         self.seats: list[_Seat | None] = [None] * width
         self.ended: deque[tuple[int, Trajectory]] = deque()
         self.watched: list[tuple[Stop, ...] | None] = [None] * width
         rank = max(0 if c is None else len(c.buses) for m in ready for c in m.changes)
-        self.rhs: BatchRhs = batch_rhs(model, width, rank)
+        own = any(not _same_network(m.basis, model) for m in ready)
+        self.rhs: BatchRhs = batch_rhs(model, width, rank, own)
+        self.seated: list[DetailedModel] = [model] * width
+        self.layouts: list[Layout] = [model.layout] * width
         self.voltages = voltage_observer(self.rhs) if voltages else None
         frame = angle_frame(model)
         self.angles = Spread.over(np.sort(frame.slots), width)
@@ -228,14 +265,20 @@ class _SideBySide:
     def _seat_next(self, column: int) -> None:
         """The next member takes a column."""
         seat = self.seats[column] = _Seat(self.waiting.popleft())
-        self.columns.begin(column, seat.member.times, self.model.x0)
+        basis = seat.member.basis
+        if self.seated[column] is not basis:
+            self.seated[column], self.layouts[column] = basis, basis.layout
+            self.rhs.seat(column, basis)
+            if self.voltages is not None:
+                self.voltages.seat(column, basis)
+        self.columns.begin(column, seat.member.times, basis.x0)
         self._enter(column, seat)
 
     def _rest(self, column: int) -> None:
         """A column without a member stays at the equilibrium."""
         self.seats[column] = None
-        self.columns.begin(column, np.zeros(1), self.model.x0)
-        self._put(column, None, self.model, ())
+        self.columns.begin(column, np.zeros(1), self.seated[column].x0)
+        self._put(column, None, self.seated[column], ())
 
     def _enter(self, column: int, seat: _Seat) -> None:
         member, stage = seat.member, seat.stage
@@ -251,7 +294,10 @@ class _SideBySide:
         system: DetailedModel,
         stops: tuple[Stop, ...],
     ) -> None:
-        """The network of a column, and what ends its run."""
+        """The network and the parameters of a column, and what ends its run."""
+        if self.layouts[column] is not system.layout:
+            self.layouts[column] = system.layout
+            self.rhs.settle(column, system.layout)
         self.rhs.put(column, change, system.state.units_out)
         if self.voltages is not None:
             self.voltages.put(column, change)
@@ -265,16 +311,24 @@ class _SideBySide:
     def _trajectory(self, column: int, seat: _Seat) -> Trajectory:
         """The run of a member that is over."""
         member, columns, verdict = seat.member, self.columns, int(self.columns.verdict[column])
+        plans = member.plans
         end = int(columns.row[column]) + (1 if verdict != NOT_FINITE else 0)
-        return self.plans.trajectory(
+        return plans.trajectory(
             member,
             seat.stage,
             end,
             columns.record[column, :end].copy(),
             columns.kept,
-            self.plans.status(verdict, member.stops[seat.stage], columns.states[:, column].copy()),
+            plans.status(verdict, member.stops[seat.stage], columns.states[:, column].copy()),
             None
             if self.voltages is None
-            else self.plans.voltage_range(member, *self.voltages.extremes(column)),
+            else plans.voltage_range(member, *self.voltages.extremes(column)),
             self.stepping / max(self.steps, 1),
         )
+
+
+def _same_network(here: DetailedModel, there: DetailedModel) -> bool:
+    """Whether the admittances of two networks of one pattern are the same."""
+    return here.equations is there.equations or np.array_equal(
+        here.equations.matrix.data, there.equations.matrix.data
+    )

@@ -103,7 +103,7 @@ def critical_clearing_time(
     simulator : callable
         What simulates a disturbance; the detailed model by default.
     """
-    search = _Search(fault, resolution, longest, t_end)
+    search = Search(fault, resolution, longest, t_end)
     store: ModelStore = {}
     while (event := search.trial) is not None:
         run = simulator(model, [event], fault.start + t_end, stepper, criterion, store)
@@ -111,7 +111,7 @@ def critical_clearing_time(
     return search.found
 
 
-class _Search:
+class Search:
     """A bisection for one fault, which says what is to be tried and is told what came of it."""
 
     def __init__(self, fault: Fault, resolution: float, longest: float, t_end: float):
@@ -214,7 +214,7 @@ def _times_together(
     """The bisections of some faults that begin at one time, side by side."""
     resolution, longest = options.get("resolution", 0.01), options.get("longest", 2.0)
     t_end: float = options.get("t_end", 16.0)
-    searches = [_Search(fault, resolution, longest, t_end) for fault in faults]
+    searches = [Search(fault, resolution, longest, t_end) for fault in faults]
 
     def trial(number: int) -> tuple[Fault] | None:
         event = searches[number].trial

@@ -34,10 +34,15 @@ Outcome = Trajectory | GridfoldError
 
 @dataclass(frozen=True)
 class Member:
-    """A disturbance that is ready: rows of its run, and the first and the last of each stage."""
+    """A disturbance that is ready: rows of its run, and the first and the last of each stage.
+
+    `plans` made it, `basis` is the model at the equilibrium from which it starts.
+    """
 
     number: int
     events: tuple[Event, ...]
+    plans: Plans
+    basis: DetailedModel
     plan: SimulationPlan
     models: tuple[DetailedModel, ...]
     changes: tuple[NetworkChange | None, ...]
@@ -73,19 +78,73 @@ class _KeptStates:
 
 
 @dataclass
+class _Basis:
+    """A model at an equilibrium, and what its network states change about its network."""
+
+    model: DetailedModel
+    criterion: SynchronismCriterion | None
+
+    def __post_init__(self) -> None:
+        self.changes = NetworkChanges(self.model.equations)
+        self._stops = () if self.criterion is None else self.criterion.stops(self.model)
+        self._labels = self.model.equations.islands.labels
+
+    def network(
+        self, system: DetailedModel, settings: bool
+    ) -> tuple[NetworkChange | None, tuple[Stop, ...]] | None:
+        """What a stage changes about the intact network, and what ends a run in it.
+
+        None where it is no change of the network; `settings` may have changed parameters besides.
+        """
+        intact = self.model
+        if system.state == intact.state:
+            return None, self._stops
+        as_before = system.layout is intact.layout
+        if not as_before and not (settings and system.layout.has_places_of(intact.layout)):
+            return None
+        if system.injections.nonlinear is not None:
+            return None
+        index, out = system.case.bus_index, system.state.units_out
+        live = [index[unit.bus] for unit in system.layout.source_units if unit not in out]
+        change = self.changes.change(system.equations, live)
+        if change is None or len(change.buses) > LARGEST_RANK:
+            return None
+        same_islands = np.array_equal(system.equations.islands.labels, self._labels)
+        if as_before and not out and same_islands:
+            share_angle_frame(intact, system)
+            return change, self._stops
+        return change, () if self.criterion is None else self.criterion.stops(system)
+
+
+@dataclass
 class Plans:
-    """Makes members of disturbances, and trajectories of what they went through."""
+    """Makes members of disturbances, and trajectories of what they went through.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The model at the operating point of the disturbances.
+    t_end, method, criterion, store
+        As for :func:`simulate`.
+    places : DetailedModel, optional
+        The model whose places all members have to have. Dispatches and parameters may then differ;
+        without it members are of the operating point of `model`, with its parameters.
+    """
 
     model: DetailedModel
     t_end: float
     method: Choice
     criterion: SynchronismCriterion | None
     store: ModelStore
+    places: DetailedModel | None = None
 
     def __post_init__(self) -> None:
-        self.changes = NetworkChanges(self.model.equations)
-        self._stops = () if self.criterion is None else self.criterion.stops(self.model)
-        self._labels = self.model.equations.islands.labels
+        self._bases = [_Basis(self.model, self.criterion)]
+
+    @property
+    def changes(self) -> NetworkChanges:
+        """Changes of the intact network of the model."""
+        return self._bases[0].changes
 
     def ready(self, number: int, events: tuple[Event, ...]) -> Member | Outcome:
         """A disturbance as a member, or what came of it where it had to run by itself."""
@@ -102,10 +161,11 @@ class Plans:
         """A disturbance as a member; None if it has to run by itself."""
         began = time.perf_counter()
         plan = plan_simulation(self.model, events, self.t_end, self.store)
-        if plan.x0 is not self.model.x0 or protection_among(events, self.model) is not None:
+        basis = self._basis(plan.start)
+        if basis is None or protection_among(events, self.model) is not None:
             return None
         models = plan.models
-        found = [self._network(system) for system in models]
+        found = [basis.network(system, self.places is not None) for system in models]
         if any(item is None for item in found):
             return None
         networks = [item for item in found if item is not None]
@@ -121,26 +181,23 @@ class Plans:
         changes, stops = zip(*networks, strict=True)
         seconds = time.perf_counter() - began
         times = np.concatenate(grids)
-        return Member(number, events, plan, models, changes, stops, times, rows, seconds)
+        return Member(
+            number, events, self, basis.model, plan, models, changes, stops, times, rows, seconds
+        )
 
-    def _network(
-        self, system: DetailedModel
-    ) -> tuple[NetworkChange | None, tuple[Stop, ...]] | None:
-        """What a stage changes about the intact network, and what ends a run in it."""
-        intact = self.model
-        if system.state == intact.state:
-            return None, self._stops
-        if system.layout is not intact.layout or system.injections.nonlinear is not None:
+    def _basis(self, start: DetailedModel) -> _Basis | None:
+        """The basis of runs from the equilibrium of `start`; None where it has other places."""
+        known = next((basis for basis in self._bases if basis.model is start), None)
+        if self.places is None:
+            return known
+        if start is not self.places and start.injections.nonlinear is not None:
             return None
-        index, out = system.case.bus_index, system.state.units_out
-        live = [index[unit.bus] for unit in system.layout.source_units if unit not in out]
-        change = self.changes.change(system.equations, live)
-        if change is None or len(change.buses) > LARGEST_RANK:
+        if not start.has_places_of(self.places):
             return None
-        if not out and np.array_equal(system.equations.islands.labels, self._labels):
-            share_angle_frame(intact, system)
-            return change, self._stops
-        return change, () if self.criterion is None else self.criterion.stops(system)
+        if known is None:
+            known = _Basis(start, self.criterion)
+            self._bases.append(known)
+        return known
 
     def trajectory(
         self,

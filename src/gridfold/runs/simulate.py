@@ -56,6 +56,12 @@ class SimulationPlan:
         return (*(stage.start for stage in self.stages[1:]), self.t_end)
 
     @property
+    def start(self) -> DetailedModel:
+        """The model in the state of the case, at the equilibrium of the dispatch."""
+        dispatch = self.stages[0].state.dispatch
+        return self._model(replace(initial_state(self.model.case), dispatch=dispatch))
+
+    @property
     def x0(self) -> NDArray[np.float64]:
         """The state at the start: the equilibrium of the dispatch."""
         return self._model(self.stages[0].state).x0

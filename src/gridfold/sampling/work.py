@@ -1,10 +1,10 @@
-"""One sample after the other: operating point, model, run, labels; in whatever process."""
+"""Samples from what is drawn to rows: operating point, model, run, labels; in whatever process."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -24,10 +24,12 @@ from gridfold.sampling.plan import SamplePlan
 from gridfold.sampling.points import OperatingPoints
 from gridfold.sampling.rows import INFEASIBLE, labels
 from gridfold.study.prepare import Offline, Prepared, prepare
-from gridfold.study.solve import Task, solve
+from gridfold.study.solve import Solved, Task, solve_batch
 
 #: Name of the first column of curves.
 _NUMBER = "number"
+#: Samples whose models are at hand at once: more would take memory, fewer leave columns empty.
+_TOGETHER = 100
 
 
 @dataclass(frozen=True)
@@ -93,22 +95,45 @@ class Sampler:
         """The case of a sample; raises an EventError where it cannot be."""
         return self.points.case_at(drawn.values)
 
-    def model(self, drawn: Draw) -> DetailedModel:
-        """The model of a sample at its equilibrium.
-
-        Raises
-        ------
-        GridfoldError
-            There is none.
-        """
+    def models(self, draws: Sequence[Draw]) -> list[DetailedModel | GridfoldError]:
+        """The model of each sample at its equilibrium, or why there is none."""
+        flows = [self._power_flow(drawn) for drawn in draws]
         base = self.prepared.model
-        model = base.at(solve_power_flow(self.case(drawn), network=self.network))
-        # The time step is chosen once, for the case and the ends of all parameters.
-        vars(model)["fast_modes"] = base.fast_modes
-        return model
+        made = iter(base.at_each([flow for flow in flows if not isinstance(flow, GridfoldError)]))
+        models = [flow if isinstance(flow, GridfoldError) else next(made) for flow in flows]
+        for model in models:
+            # The time step is chosen once, for the case and the ends of all parameters.
+            if isinstance(model, DetailedModel):
+                vars(model)["fast_modes"] = base.fast_modes
+        return models
 
-    def row(self, drawn: Draw) -> tuple[dict[str, Any], bytes | None]:
-        """The columns of a sample, and its curves as a Parquet file if they are kept."""
+    def _power_flow(self, drawn: Draw) -> PowerFlowResult | GridfoldError:
+        try:
+            return solve_power_flow(self.case(drawn), network=self.network)
+        except GridfoldError as error:
+            return error
+
+    def rows(self, draws: Sequence[Draw]) -> list[tuple[dict[str, Any], bytes | None]]:
+        """The columns of some samples, whose runs advance together, and their curves if they are kept.
+
+        Curves are a Parquet file.
+        """
+        models = self.models(draws)
+        live = [
+            (Task(drawn.contingency, check=False), model)
+            for drawn, model in zip(draws, models, strict=True)
+            if isinstance(model, DetailedModel)
+        ]
+        tasks = tuple(task for task, _ in live)
+        solved = iter(solve_batch(self.prepared, tasks, [model for _, model in live]))
+        return [
+            self._row(drawn, model, None if isinstance(model, GridfoldError) else next(solved))
+            for drawn, model in zip(draws, models, strict=True)
+        ]
+
+    def _row(
+        self, drawn: Draw, model: DetailedModel | GridfoldError, solved: Solved | None
+    ) -> tuple[dict[str, Any], bytes | None]:
         row: dict[str, Any] = {
             "number": drawn.number,
             "contingency": drawn.contingency.name,
@@ -116,15 +141,11 @@ class Sampler:
             "clearing_time": drawn.clearing_time,
             **drawn.values,
         }
-        try:
-            model = self.model(drawn)
-        except GridfoldError as error:
-            reason = " ".join(str(error).split())
+        if isinstance(model, GridfoldError) or solved is None:
+            reason = " ".join(str(model).split())
             return {**row, "status": INFEASIBLE, "reason": reason}, None
-        row |= self._start(model.power_flow)
-        ready = replace(self.prepared, model=model, intact={model.state: model})
-        solved = solve(ready, Task(drawn.contingency, check=False))
-        return row | labels(solved.figures), solved.parquet
+        row |= self._start(model.power_flow) | labels(solved.figures)
+        return row, solved.parquet
 
     def _start(self, flow: PowerFlowResult) -> dict[str, float]:
         """Figures of an operating point."""
@@ -151,12 +172,14 @@ def make_sampler(work: SampleWork) -> Sampler:
 @one_blas_thread
 def make_chunk(sampler: Sampler, chunk: Chunk) -> Made:
     """Make the samples of a chunk."""
+    draws = [sampler.draw(chunk.first + k, numbers) for k, numbers in enumerate(chunk.rows)]
     rows, curves = [], []
-    for number, numbers in enumerate(chunk.rows, start=chunk.first):
-        row, parquet = sampler.row(sampler.draw(number, numbers))
-        rows.append(row)
-        if parquet is not None:
-            curves.append(_curves(number, parquet))
+    for first in range(0, len(draws), _TOGETHER):
+        few = draws[first : first + _TOGETHER]
+        for drawn, (row, parquet) in zip(few, sampler.rows(few), strict=True):
+            rows.append(row)
+            if parquet is not None:
+                curves.append(_curves(drawn.number, parquet))
     return Made(chunk.position, tuple(rows), _joined(curves) if curves else None)
 
 

@@ -19,13 +19,13 @@ from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.criteria import VoltageDip, VoltageRecovery
-from gridfold.grid.events import BranchFault, BusFault, Event
+from gridfold.grid.events import Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
-from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.clearing_time import ClearingTime, critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.cuda import simulate_on_gpu
 from gridfold.runs.monitor import Columns
@@ -33,6 +33,7 @@ from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
 from gridfold.runs.table_files import TableFile, TableFormat
 from gridfold.runs.trajectory import Trajectory
+from gridfold.study.clearing import clearing_times, only_fault
 from gridfold.study.curves import run_curves, sampled_rows
 from gridfold.study.generate import Contingency
 from gridfold.study.judged import judged_figures, names_of
@@ -68,14 +69,30 @@ class Solved:
 
 
 @one_blas_thread
-def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
-    """Simulate some contingencies, side by side where that is faster, else one after the other."""
+def solve_batch(
+    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None = None
+) -> tuple[Solved, ...]:
+    """Simulate some contingencies, side by side where that is faster, else one after the other.
+
+    `models` are the model of each, at an operating point of its own; by default that of the study.
+    """
     known: dict[int, Solved] = {}
     if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
         # What does not go through is tried by itself, and tells there what is wrong with it.
         with suppress(Exception):
-            known.update(_side_by_side(prepared, batch))
-    return tuple(known.get(number) or solve(prepared, task) for number, task in enumerate(batch))
+            known.update(_side_by_side(prepared, batch, models))
+    return tuple(
+        known.get(number) or solve(_at(prepared, models, number), task)
+        for number, task in enumerate(batch)
+    )
+
+
+def _at(prepared: Prepared, models: Sequence[DetailedModel] | None, number: int) -> Prepared:
+    """The study at the operating point of one of its tasks."""
+    if models is None:
+        return prepared
+    model = models[number]
+    return replace(prepared, model=model, intact={model.state: model})
 
 
 def why_one_by_one(prepared: Prepared) -> str | None:
@@ -91,30 +108,38 @@ def why_one_by_one(prepared: Prepared) -> str | None:
     return why_single(prepared.model, prepared.method.stepper)
 
 
-def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
+def _side_by_side(
+    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None
+) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    run_together = simulate_on_gpu if prepared.on_gpu else simulate_batch
-    runs = run_together(
-        prepared.model,
-        [task.contingency.events for task in batch],
+    disturbances = [task.contingency.events for task in batch]
+    every_state = _looks_at_every_state(prepared)
+    rest = (
         prepared.study.run.t_end,
         prepared.method.stepper,
         prepared.criterion,
         dict(prepared.intact),
-        every_state=_looks_at_every_state(prepared),
+        every_state,
     )
+    if models is None and prepared.on_gpu:
+        runs = simulate_on_gpu(prepared.model, disturbances, *rest)
+    else:
+        runs = simulate_batch(prepared.model, disturbances, *rest, models)
+    times = clearing_times(prepared, disturbances, models)
     for number, run in runs:
         if isinstance(run, Trajectory):
             area = None if prepared.parts is None else prepared.parts.study_buses
             within = replace(run, study_buses=area)
-            yield number, _Solver(prepared, batch[number]).detailed(within)
+            solver = _Solver(_at(prepared, models, number), batch[number], times.get(number))
+            yield number, solver.detailed(within)
 
 
 def _looks_at_every_state(prepared: Prepared) -> bool:
     """Whether more is wanted of a run than its rotor angles and speeds: voltages follow from all."""
     wanted = prepared.study.outputs
     judged = any(isinstance(item, VoltageDip | VoltageRecovery) for item in prepared.criteria)
-    return judged or wanted.trajectories is not Kept.NONE or wanted.monitor is not None
+    watched = wanted.curves and wanted.monitor is not None
+    return judged or wanted.trajectories is not Kept.NONE or watched
 
 
 @one_blas_thread
@@ -140,10 +165,14 @@ def failed(task: Task, reason: str, seconds: float | None = None) -> Solved:
 
 @dataclass
 class _Solver:
-    """The runs of one contingency, with the models of the networks that it leads through."""
+    """The runs of one contingency, with the models of the networks that it leads through.
+
+    `clearing_time` is its critical clearing time, where that is known.
+    """
 
     prepared: Prepared
     task: Task
+    clearing_time: ClearingTime | None = None
     store: ModelStore = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -202,15 +231,15 @@ class _Solver:
             checked, beside = self._check(run, figures, self.small)
             figures |= checked
         critical = figures["critical_machine"]
-        curves = run_curves(run, beside, switches, findings, self._units_of(run), critical)
-        if self.prepared.study.outputs.monitor is not None:
-            curves |= watched_curves(run, self.columns, sampled_rows(run))
+        wanted, curves = self.prepared.study.outputs, None
+        if wanted.curves:
+            curves = run_curves(run, beside, switches, findings, self._units_of(run), critical)
+            if wanted.monitor is not None:
+                curves |= watched_curves(run, self.columns, sampled_rows(run))
         figures |= self._clearing_time()
         figures["wall_s"] = time.perf_counter() - began
         row = vars(Figures(**figures))
-        wanted = self.prepared.study.outputs
-        number = self.task.contingency.number
-        result = Result(number, row, curves if wanted.curves else None)
+        result = Result(self.task.contingency.number, row, curves)
         return Solved(result, self._parquet(run, stable=bool(row["stable"])))
 
     def _detailed(self, events: Sequence[Event]) -> Trajectory:
@@ -272,13 +301,10 @@ class _Solver:
 
     def _clearing_time(self) -> dict[str, Any]:
         wanted = self.prepared.study.clearing_times
-        events = self.task.contingency.events
-        if not wanted.wanted or len(events) != 1:
+        fault = only_fault(self.task.contingency.events)
+        if not wanted.wanted or fault is None:
             return {}
-        fault = events[0]
-        if not isinstance(fault, BusFault | BranchFault):
-            return {}
-        found = critical_clearing_time(
+        found = self.clearing_time or critical_clearing_time(
             self.prepared.model,
             fault,
             resolution=wanted.resolution,

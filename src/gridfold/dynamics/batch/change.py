@@ -134,28 +134,31 @@ class NetworkChanges:
         zero: NDArray[np.int64],
         dead: NDArray[np.int64],
     ) -> NetworkChange | None:
-        buses, n_held, n = np.concatenate([held, touched]), len(held), len(self.intact.terminals)
+        buses, n_held = np.concatenate([held, touched]), len(held)
         columns = [self._column(bus) for bus in buses.tolist()]
         terminals = [self._row(bus) for bus in buses.tolist()]
-        caused = np.array([self._at_terminals(c) for c in columns]).reshape(len(buses), n).T
-        seen = np.array([self._at_terminals(r) for r in terminals]).reshape(len(buses), n)
-        between = np.array([c[self._row_of[buses]] for c in columns]).reshape((len(buses),) * 2).T
+        caused = self._seen(columns).T
+        seen = self._seen(terminals)
+        between = np.array([c[self._row_of[buses]] for c in columns], dtype=np.complex128)
+        between = between.reshape((len(buses),) * 2).T
         moved = np.hstack([np.zeros((len(touched), n_held)), difference])
         left, right = between.copy(), np.eye(len(buses), dtype=np.complex128)
         left[n_held:] = moved @ between
         left[n_held:, n_held:] += np.eye(len(touched))
         right[n_held:] = moved
         try:
-            drawn = np.linalg.solve(left, right @ seen)
+            drawn = np.asarray(np.linalg.solve(left, right @ seen), dtype=np.complex128)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(drawn).all():
             return None
         return NetworkChange(buses, drawn, caused, zero, dead)
 
-    def _at_terminals(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def _seen(self, voltages: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        """Voltages (n_live,) at the terminals, (k, n_terminals)."""
         rows = self.intact.terminals
-        return np.where(rows >= 0, values[rows], 0.0)
+        found = [np.where(rows >= 0, one[rows], 0.0) for one in voltages]
+        return np.array(found, dtype=np.complex128).reshape(len(voltages), len(rows))
 
     def _column(self, bus: int) -> NDArray[np.complex128]:
         """Voltages of all live buses for a unit current at `bus`."""

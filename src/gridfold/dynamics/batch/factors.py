@@ -1,14 +1,16 @@
 """The network equations solved for many members at once, by sparse factors.
 
 Currents and voltages have the shape (2 n, members), real parts before imaginary parts. Members are
-taken in groups of eight, for which each entry of the factors is read once. Rows of L and U are
-taken in order, so that what is summed up stays in a register (Davis, Direct Methods for Sparse
-Linear Systems, 2006, chapter 3).
+taken in groups of eight, for which each entry of the factors is read once: one number where all have
+the same network, eight where each has its own, of the same pattern. Rows of L and U are taken in order,
+so that what is summed up stays in a register (Davis, Direct Methods for Sparse Linear Systems, 2006,
+chapter 3).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +31,12 @@ ROW = 2 * WIDTH
 
 @dataclass(frozen=True)
 class ColumnFactors:
-    """Factors of the network, and where currents go in and which rows buses have.
+    """Where the factors of a network have entries, and where currents go in and which rows buses have.
 
     Parameters
     ----------
-    integers, reals : ndarray
-        Data of :func:`solve_group`.
+    integers : ndarray
+        The pattern, for :func:`solve_group`.
     n_rows : int
         Rows of the factors.
     rows : ndarray of int, shape (n_buses,)
@@ -42,9 +44,61 @@ class ColumnFactors:
     """
 
     integers: NDArray[np.int64]
-    reals: NDArray[np.float64]
     n_rows: int
     rows: NDArray[np.int64]
+    _pattern: _Pattern
+    _low: NDArray[np.int64]
+    _up: NDArray[np.int64]
+    _diagonal: NDArray[np.int64]
+
+    @property
+    def n_values(self) -> int:
+        """Length of the values of one network."""
+        return 2 * (len(self._low) + len(self._up) + len(self._diagonal))
+
+    def values(self, equations: NetworkEquations) -> NDArray[np.float64]:
+        """Values of the factors of a network with the same pattern, real and imaginary parts in turn.
+
+        Raises
+        ------
+        NetworkError
+            Its factors have another pattern.
+        """
+        pattern, lower, upper = _factored(equations)
+        if not pattern.is_like(self._pattern):
+            raise NetworkError("the factors of this network have entries at other places")
+        found = (lower[self._low], upper[self._up], 1 / upper[self._diagonal])
+        return np.concatenate(found).view(np.float64)
+
+    def spread(self, equations: NetworkEquations, members: int) -> NDArray[np.float64]:
+        """The same for each of so many members, for :func:`solve_each`."""
+        values = self.values(equations)
+        groups = np.broadcast_to(values[:, None], (members // WIDTH, len(values), WIDTH))
+        return groups.ravel()
+
+    def put(self, spread: NDArray[np.float64], member: int, equations: NetworkEquations) -> None:
+        """Write the values of a network into those of all members; raises as :meth:`values`."""
+        columns = spread.reshape(-1, self.n_values, WIDTH)
+        columns[member // WIDTH, :, member % WIDTH] = self.values(equations)
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """Order of the rows, and column pointers and rows of the entries of L and U."""
+
+    place: NDArray[np.int64]
+    lower: tuple[NDArray[np.int32], NDArray[np.int32]]
+    upper: tuple[NDArray[np.int32], NDArray[np.int32]]
+
+    def is_like(self, other: _Pattern) -> bool:
+        """Whether all of it is the same."""
+        return all(
+            np.array_equal(here, there)
+            for here, there in zip(self._places(), other._places(), strict=True)
+        )
+
+    def _places(self) -> tuple[NDArray[Any], ...]:
+        return self.place, *self.lower, *self.upper
 
 
 def column_factors(equations: NetworkEquations, every_bus: bool) -> ColumnFactors:
@@ -55,13 +109,11 @@ def column_factors(equations: NetworkEquations, every_bus: bool) -> ColumnFactor
     NetworkError
         The factors had to be pivoted.
     """
-    factors = equations.factors
-    if not np.array_equal(factors.perm_r, factors.perm_c):
-        raise NetworkError("a batch needs factors of the network without pivoting")
-    lower, upper = csc_array(factors.L), csc_array(factors.U)
-    place = factors.perm_r.astype(np.int64)
+    pattern, _, _ = _factored(equations)
+    place = pattern.place
+    lower, upper = (_numbered(*part, len(place)) for part in (pattern.lower, pattern.upper))
     present = equations.terminals >= 0
-    reached = np.arange(lower.shape[0])
+    reached = np.arange(len(place))
     if not every_bus:
         reached = paths_to_root(lower, place[equations.terminals[present]])
     reached = reached[_postorder(lower[reached][:, reached])]
@@ -73,13 +125,35 @@ def column_factors(equations: NetworkEquations, every_bus: bool) -> ColumnFactor
     low, up = csr_array(tril(lower, k=-1)), csr_array(triu(upper, k=1))
     low.sort_indices()
     up.sort_indices()
-    values = np.concatenate([low.data, up.data, 1 / upper.diagonal()])
     header = [len(inputs), len(reached), low.nnz, up.nnz]
     rows = np.where(equations.bus_rows >= 0, row_of[place][equations.bus_rows], -1)
     parts = (header, inputs, low.indptr, low.indices, up.indptr, up.indices)
-    return ColumnFactors(
-        np.concatenate(parts).astype(np.int64), values.view(np.float64), len(reached), rows
+    integers = np.concatenate(parts).astype(np.int64)
+    places = (values.astype(np.int64) - 1 for values in (low.data, up.data, upper.diagonal()))
+    return ColumnFactors(integers, len(reached), rows, pattern, *places)
+
+
+def _factored(
+    equations: NetworkEquations,
+) -> tuple[_Pattern, NDArray[np.complex128], NDArray[np.complex128]]:
+    """Pattern of the factors of a network, and the entries of L and U."""
+    factors = equations.factors
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        raise NetworkError("a batch needs factors of the network without pivoting")
+    lower, upper = csc_array(factors.L), csc_array(factors.U)
+    lower.sort_indices()
+    upper.sort_indices()
+    pattern = _Pattern(
+        factors.perm_r.astype(np.int64),
+        (lower.indptr, lower.indices),
+        (upper.indptr, upper.indices),
     )
+    return pattern, lower.data, upper.data
+
+
+def _numbered(pointers: NDArray[np.int32], rows: NDArray[np.int32], n: int) -> csc_array:
+    """A matrix of this pattern whose entries are their own numbers, from 1."""
+    return csc_array((np.arange(1.0, len(rows) + 1), rows, pointers), shape=(n, n))
 
 
 def _postorder(lower: csc_array) -> NDArray[np.int64]:
@@ -117,45 +191,65 @@ def put_currents(integers, currents, members, first, scratch):
             store_lanes(scratch, imaginary, load_lanes(scratch, imaginary) + here)
 
 
-@compiled_part
-def solve_group(integers, reals, scratch):
-    """Solve for eight members; currents in the scratch space, by rows, become voltages."""
-    m, n_low, n_up = integers[N_ROWS], integers[N_LOW], integers[N_UP]
-    low = HEADER + integers[N_INPUTS]
-    low_columns = low + m + 1
-    up = low_columns + n_low
-    up_columns = up + m + 1
-    inverse = 2 * (n_low + n_up)
-    for j in range(m):
-        first, last = integers[low + j], integers[low + j + 1]
-        if first < last:
-            d_r, d_i = _product(integers, reals, scratch, low_columns, 0, first, last)
-            real, imaginary = j * ROW, j * ROW + WIDTH
-            store_lanes(scratch, real, load_lanes(scratch, real) - d_r)
-            store_lanes(scratch, imaginary, load_lanes(scratch, imaginary) - d_i)
-    for j in range(m - 1, -1, -1):
-        first, last = integers[up + j], integers[up + j + 1]
-        d_r, d_i = _product(integers, reals, scratch, up_columns, n_low, first, last)
-        b_r = load_lanes(scratch, j * ROW) - d_r
-        b_i = load_lanes(scratch, j * ROW + WIDTH) - d_i
-        a_r, a_i = reals[inverse + 2 * j], reals[inverse + 2 * j + 1]
-        store_lanes(scratch, j * ROW, a_r * b_r - a_i * b_i)
-        store_lanes(scratch, j * ROW + WIDTH, a_r * b_i + a_i * b_r)
+def _one_for_all(reals, k):
+    return reals[k]
 
 
-@compiled_part
-def _product(integers, reals, scratch, columns, values, first, last):
-    """A row times what stands at its columns, by four sums that do not wait for one another."""
-    rr, ii, ri, ir = all_lanes(0.0), all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)
-    for e in range(first, last):
-        at = integers[columns + e] * ROW
-        b_r, b_i = load_lanes(scratch, at), load_lanes(scratch, at + WIDTH)
-        a_r, a_i = reals[2 * (values + e)], reals[2 * (values + e) + 1]
-        rr = rr + a_r * b_r
-        ii = ii + a_i * b_i
-        ri = ri + a_r * b_i
-        ir = ir + a_i * b_r
-    return rr - ii, ri + ir
+def _one_for_each(reals, k):
+    return load_lanes(reals, k * WIDTH)
+
+
+def _solver(read):
+    """Solve for eight members with values that `read` gives; currents by rows become voltages."""
+    entry = compiled_part(read)
+
+    @compiled_part
+    def product(integers, reals, scratch, columns, values, first, last):
+        """A row times what stands at its columns, by four sums that do not wait for one another."""
+        rr, ii, ri, ir = all_lanes(0.0), all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)
+        for e in range(first, last):
+            at = integers[columns + e] * ROW
+            b_r, b_i = load_lanes(scratch, at), load_lanes(scratch, at + WIDTH)
+            k = 2 * (values + e)
+            a_r, a_i = entry(reals, k), entry(reals, k + 1)
+            rr = rr + a_r * b_r
+            ii = ii + a_i * b_i
+            ri = ri + a_r * b_i
+            ir = ir + a_i * b_r
+        return rr - ii, ri + ir
+
+    @compiled_part
+    def solve(integers, reals, scratch):
+        m, n_low, n_up = integers[N_ROWS], integers[N_LOW], integers[N_UP]
+        low = HEADER + integers[N_INPUTS]
+        low_columns = low + m + 1
+        up = low_columns + n_low
+        up_columns = up + m + 1
+        inverse = 2 * (n_low + n_up)
+        for j in range(m):
+            first, last = integers[low + j], integers[low + j + 1]
+            if first < last:
+                d_r, d_i = product(integers, reals, scratch, low_columns, 0, first, last)
+                real, imaginary = j * ROW, j * ROW + WIDTH
+                store_lanes(scratch, real, load_lanes(scratch, real) - d_r)
+                store_lanes(scratch, imaginary, load_lanes(scratch, imaginary) - d_i)
+        for j in range(m - 1, -1, -1):
+            first, last = integers[up + j], integers[up + j + 1]
+            d_r, d_i = product(integers, reals, scratch, up_columns, n_low, first, last)
+            b_r = load_lanes(scratch, j * ROW) - d_r
+            b_i = load_lanes(scratch, j * ROW + WIDTH) - d_i
+            a_r, a_i = entry(reals, inverse + 2 * j), entry(reals, inverse + 2 * j + 1)
+            store_lanes(scratch, j * ROW, a_r * b_r - a_i * b_i)
+            store_lanes(scratch, j * ROW + WIDTH, a_r * b_i + a_i * b_r)
+
+    return solve
+
+
+#: ``solve_group(integers, reals, scratch)``: currents of eight members in the scratch space, by rows,
+#: become voltages; all have the same network.
+solve_group = _solver(_one_for_all)
+#: The same where each has its own: eight values stand side by side.
+solve_each = _solver(_one_for_each)
 
 
 @compiled_part

@@ -2,7 +2,8 @@
 
 Every row of the detailed model becomes a row of members: entry `s` of member `b` stands at
 ``s * members + b``. A block of units is then a block of units x members, which its kernels take as
-they are. What a member's network state changes is written into the data by :meth:`BatchRhs.put`.
+they are. Parameters and constants are a column of each member. What a member's network state changes is
+written into the data by :meth:`BatchRhs.put`, another operating point by :meth:`BatchRhs.seat`.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from numpy.typing import NDArray
 from gridfold.dynamics.batch.change import NetworkChange
 from gridfold.dynamics.batch.factors import (
     ROW,
+    ColumnFactors,
     column_factors,
     put_currents,
+    solve_each,
     solve_group,
     take_voltages,
 )
@@ -28,6 +31,7 @@ from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.backend import CompiledNetwork
 from gridfold.dynamics.rhs import (
+    CONSTANTS_AT,
     HEADER_SIZE,
     N_DERIVATIVE_CALLS,
     N_OUTPUT_CALLS,
@@ -61,28 +65,61 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     DRAWN_AT,
     CAUSED_AT,
     COMPENSATING_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 12)
-_SIZE = HEADER_SIZE + 12
+    GROUP_REALS,
+) = range(HEADER_SIZE, HEADER_SIZE + 13)
+_SIZE = HEADER_SIZE + 13
 
 
 @dataclass(frozen=True)
 class BatchRhs:
-    """The right-hand side of `members` runs of one model, each in a network state of its own.
+    """The right-hand side of `members` runs, each in a network state and with parameters of its own.
 
     Parameters
     ----------
+    model : DetailedModel
+        The model of which all members have the places; they begin as copies of it.
     compiled : CompiledRhs
-        For states of shape (n_states, members), flattened. Its data are changed by :meth:`put`.
+        For states of shape (n_states, members), flattened. Its data are changed by :meth:`seat` and
+        :meth:`put`.
     members : int
         How many stand side by side.
     rank : int
         The largest rank of a change that there is room for.
+    factors : ColumnFactors
+        Where the factors of the intact network have entries.
+    own_networks : bool
+        Whether the intact network of each member is another one.
     """
 
     model: DetailedModel
     compiled: CompiledRhs
     members: int
     rank: int
+    factors: ColumnFactors
+    own_networks: bool
+    _parameters_at: tuple[int, ...]
+
+    def seat(self, member: int, model: DetailedModel) -> None:
+        """From now on `member` has the parameters, set points and intact network of `model`.
+
+        Raises
+        ------
+        NetworkError
+            The network has entries at other places than that of the batch.
+        """
+        self.settle(member, model.layout)
+        constants = self._reals(CONSTANTS_AT, (len(model.constants), self.members))
+        constants[:, member] = model.constants
+        if self.own_networks:
+            spread = self._reals(FACTOR_REALS_AT, (self.members * self.factors.n_values,))
+            self.factors.put(spread, member, model.equations)
+
+    def settle(self, member: int, layout: Layout) -> None:
+        """From now on `member` has the parameters of `layout`, which has the places of the model."""
+        for at, block in zip(self._parameters_at, layout.blocks, strict=True):
+            values = kernel_parameters(block)
+            columns = self.compiled.reals[at : at + values.size * self.members]
+            columns.reshape(*values.shape, self.members)[:, :, member] = values
 
     def put(
         self, member: int, change: NetworkChange | None, units_out: Collection[UnitKey]
@@ -124,8 +161,13 @@ class BatchRhs:
         return self.compiled.reals[start : start + int(np.prod(shape))].reshape(shape)
 
 
-def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
-    """The right-hand side of so many members, a multiple of eight, all on the network of `model`."""
+def batch_rhs(
+    model: DetailedModel, members: int, rank: int, own_networks: bool = False
+) -> BatchRhs:
+    """The right-hand side of so many members, a multiple of eight, all on the network of `model`.
+
+    With `own_networks` each may have the network of another operating point by :meth:`BatchRhs.seat`.
+    """
     layout = model.layout
     wide = _side_by_side(layout, members)
     factors = column_factors(model.equations, every_bus=False)
@@ -148,7 +190,12 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
     header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
     header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
     header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
-    header[FACTOR_REALS_AT] = reals.add(factors.reals)
+    header[FACTOR_REALS_AT] = reals.add(
+        factors.spread(model.equations, members)
+        if own_networks
+        else factors.values(model.equations)
+    )
+    header[GROUP_REALS] = factors.n_values * WIDTH if own_networks else 0
     header[COMPENSATING_AT] = data.work_size
     compiled = CompiledRhs(
         _compiled().address,
@@ -157,7 +204,7 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
         data.work_size + 2 * rank * members,
         layout.n_states * members,
     )
-    return BatchRhs(model, compiled, members, rank)
+    return BatchRhs(model, compiled, members, rank, factors, own_networks, data.parameters_at)
 
 
 def kernel_parameters(block: Block) -> NDArray[np.float64]:
@@ -226,10 +273,14 @@ def _solve(integers, reals, work):
     voltages = work[integers[N_SIGNALS] - 2 * n :]
     scratch = work[integers[SCRATCH_AT] :]
     factors, values = integers[integers[FACTORS_AT] :], reals[integers[FACTOR_REALS_AT] :]
+    group_reals = integers[GROUP_REALS]
     for group in range(members // WIDTH):
         first = group * WIDTH
         put_currents(factors, currents, members, first, scratch)
-        solve_group(factors, values, scratch)
+        if group_reals:
+            solve_each(factors, values[group * group_reals :], scratch)
+        else:
+            solve_group(factors, values, scratch)
         take_voltages(factors, scratch, members, first, voltages)
         rank = integers[integers[RANKS_AT] + group]
         if rank:

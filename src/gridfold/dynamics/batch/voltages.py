@@ -11,11 +11,18 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gridfold.dynamics.batch.change import NetworkChange
-from gridfold.dynamics.batch.factors import ROW, column_factors, put_currents, solve_group
+from gridfold.dynamics.batch.factors import (
+    ROW,
+    ColumnFactors,
+    column_factors,
+    put_currents,
+    solve_each,
+    solve_group,
+)
 from gridfold.dynamics.batch.rhs import COMPENSATING_AT, BatchRhs
+from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.rhs import N_SIGNALS
 from gridfold.numerics.columns import Observer
 from gridfold.numerics.compiled import compile_callback, compiled_part
@@ -42,8 +49,9 @@ from gridfold.numerics.rhs import RHS_SIGNATURE
     HELD_AT,
     FACTORS_AT,
     FACTOR_REALS_AT,
-) = range(11)
-_SIZE = 11
+    GROUP_REALS,
+) = range(12)
+_SIZE = 12
 # Blocks of `members` numbers each at the head of the reals: the row at which a member stands, the
 # squares of its extremes with their buses and rows.
 (ROWS, LOW, LOW_BUS, LOW_ROW, HIGH, HIGH_BUS, HIGH_ROW) = range(7)
@@ -64,11 +72,17 @@ class VoltageObserver:
 
     rhs: BatchRhs
     observer: Observer
-    rows: NDArray[np.int64]
+    factors: ColumnFactors
+
+    def seat(self, member: int, model: DetailedModel) -> None:
+        """`member` is on the intact network of `model` from now on; raises as :meth:`BatchRhs.seat`."""
+        if self.rhs.own_networks:
+            spread = self.observer.reals[self.observer.integers[FACTOR_REALS_AT] :]
+            self.factors.put(spread, member, model.equations)
 
     def put(self, member: int, change: NetworkChange | None) -> None:
         """`member` is on another network now; what was found before counts no more."""
-        integers, members = self.observer.integers, self.rhs.members
+        integers, members, rows = self.observer.integers, self.rhs.members, self.factors.rows
         blocks = self.observer.reals[: _BLOCKS * members].reshape(_BLOCKS, members)
         blocks[LOW, member], blocks[HIGH, member] = np.inf, -1.0
         places = integers[integers[PLACES_AT] :][: self.rhs.rank * members]
@@ -78,10 +92,10 @@ class VoltageObserver:
         known = held[: 3 * integers[N_HELD]].reshape(-1, 3)
         kept = known[known[:, 0] != member]
         if change is not None:
-            places[: len(change.buses), member] = self.rows[change.buses]
+            places[: len(change.buses), member] = rows[change.buses]
             buses = np.concatenate([change.zero, change.dead])
             new = np.full((len(buses), 3), member)
-            new[:, 1] = self.rows[buses]
+            new[:, 1] = rows[buses]
             new[:, 2] = np.arange(len(buses)) >= len(change.zero)
             kept = np.concatenate([kept, new])
         integers[N_HELD] = len(kept)
@@ -104,6 +118,8 @@ def voltage_observer(rhs: BatchRhs) -> VoltageObserver:
     """An observer of the voltages of all buses that are energized in the intact network."""
     equations, data = rhs.model.equations, rhs.compiled.integers
     factors = column_factors(equations, every_bus=True)
+    own = rhs.own_networks
+    values = factors.spread(equations, rhs.members) if own else factors.values(equations)
     on = np.flatnonzero(equations.islands.energized)
     parts = (
         np.stack([on, factors.rows[on]], axis=1).ravel(),
@@ -119,13 +135,14 @@ def voltage_observer(rhs: BatchRhs) -> VoltageObserver:
     header[N_BUSES], header[BUSES_AT] = len(on), buses_at
     header[PLACES_AT], header[HELD_AT] = places_at, held_at
     header[FACTORS_AT], header[FACTOR_REALS_AT] = factors_at, _BLOCKS * rhs.members
+    header[GROUP_REALS] = factors.n_values * WIDTH if own else 0
     observer = Observer(
         _compiled().address,
         np.concatenate([header, *parts]).astype(np.int64),
-        aligned(np.concatenate([np.zeros(_BLOCKS * rhs.members), factors.reals])),
+        aligned(np.concatenate([np.zeros(_BLOCKS * rhs.members), values])),
         aligned_zeros(factors.n_rows * ROW),
     )
-    return VoltageObserver(rhs, observer, factors.rows)
+    return VoltageObserver(rhs, observer, factors)
 
 
 def _observe(integers, reals, work, x, scratch):
@@ -134,6 +151,7 @@ def _observe(integers, reals, work, x, scratch):
     places, held = integers[integers[PLACES_AT] :], integers[integers[HELD_AT] :]
     buses = integers[integers[BUSES_AT] :]
     compensating = work[integers[COMPENSATING] :]
+    group_reals = integers[GROUP_REALS]
     for first in range(0, members, WIDTH):
         put_currents(factors, work[integers[CURRENTS_AT] :], members, first, scratch)
         for r in range(rank):
@@ -143,7 +161,10 @@ def _observe(integers, reals, work, x, scratch):
                     at = 2 * r * members + first + b
                     scratch[k * ROW + b] += compensating[at]
                     scratch[k * ROW + WIDTH + b] += compensating[at + members]
-        solve_group(factors, values, scratch)
+        if group_reals:
+            solve_each(factors, values[first // WIDTH * group_reals :], scratch)
+        else:
+            solve_group(factors, values, scratch)
         for h in range(integers[N_HELD]):
             b = held[3 * h] - first
             if 0 <= b < WIDTH:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,20 @@ class NetworkEquations:
             )
         except RuntimeError as error:
             raise NetworkError(f"the admittance matrix cannot be factored: {error}") from None
+
+    def has_places_of(self, other: NetworkEquations) -> bool:
+        """Whether buses, terminals, admittances and factors stand where those of the other one do."""
+        if self is other:
+            return True
+        return all(
+            np.array_equal(here, there)
+            for here, there in zip(self._places(), other._places(), strict=True)
+        )
+
+    def _places(self) -> tuple[NDArray[Any], ...]:
+        matrix, factors = self.matrix, self.factors
+        where = (self.live, self.terminals, self.nodes, self.islands.energized)
+        return *where, matrix.indptr, matrix.indices, factors.perm_r, factors.perm_c
 
     def seen_from(self, positions: Sequence[int]) -> NetworkEquations:
         """The same network, and its factors, with terminals at the `positions` of buses in the case."""

@@ -219,7 +219,8 @@ def nonlinear_loads(
     size = np.abs(power_flow.voltage)
     found: dict[float, NDArray[np.complex128]] = {}
     faults: list[str] = []
-    for load, drawn in power_flow.drawn_by_loads():
+    plain = not given and model.shares is not None and not any(model.shares[:2])
+    for load, drawn in () if plain else power_flow.drawn_by_loads():
         if load.key in apart:
             continue
         at = case.bus_index[load.bus]
