@@ -31,7 +31,7 @@ from gridfold import (
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.families import Mode, ModelFamily, reduce_external
-from gridfold.runs.clearing_time import Simulator
+from gridfold.runs.clearing.single import Simulator
 from gridfold.runs.simulate import ModelStore
 
 T_END, RESOLUTION = 16.0, 0.01

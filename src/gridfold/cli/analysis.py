@@ -49,7 +49,7 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, area_ties
-from gridfold.runs.clearing_time import ClearingTime, Fault, critical_clearing_times
+from gridfold.runs.clearing import ClearingTime, Fault, critical_clearing_times
 from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.small_signal import SmallSignal, small_signal
 

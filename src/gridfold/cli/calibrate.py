@@ -45,7 +45,7 @@ from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
 from gridfold.report.plain import PlainTable
 from gridfold.runs.basis import basis_of
-from gridfold.runs.clearing_time import critical_clearing_times
+from gridfold.runs.clearing import critical_clearing_times
 from gridfold.runs.method import Choice
 
 

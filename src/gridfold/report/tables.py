@@ -26,7 +26,7 @@ from gridfold.reduction import Reducer
 from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
-from gridfold.runs.clearing_time import ClearingTime, Fault
+from gridfold.runs.clearing import ClearingTime, Fault
 from gridfold.runs.device_check import Finding
 from gridfold.runs.monitor.extremes import Extremes
 from gridfold.runs.small_signal import SmallSignal
