@@ -1,6 +1,7 @@
 """The folder of a clearing-time map: what it is about, and a line of JSON for each place.
 
-A line is there whole or not at all: what a kill has left of one is dropped, and the place is done again.
+A line is there whole or not at all: what a kill has left of one is dropped, and its place is done
+again.
 """
 
 from __future__ import annotations

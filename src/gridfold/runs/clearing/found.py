@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from gridfold.cards import Card
 from gridfold.grid.case import Case, UnitKey
@@ -60,7 +60,7 @@ class ClearingTime:
 
 
 @dataclass(frozen=True, repr=False)
-class ClearingTimes(Card):
+class ClearingTimes(Card, Sequence[ClearingTime]):
     """Critical clearing times of the faults of a map, in the order in which they were asked for.
 
     It is a sequence of :class:`ClearingTime`.
@@ -85,13 +85,16 @@ class ClearingTimes(Card):
     settings: Mapping[str, Any]
     together: str
 
-    def __iter__(self) -> Iterator[ClearingTime]:
-        return iter(self.items)
-
     def __len__(self) -> int:
         return len(self.items)
 
-    def __getitem__(self, position: int) -> ClearingTime:
+    @overload
+    def __getitem__(self, position: int) -> ClearingTime: ...
+
+    @overload
+    def __getitem__(self, position: slice) -> tuple[ClearingTime, ...]: ...
+
+    def __getitem__(self, position: int | slice) -> ClearingTime | tuple[ClearingTime, ...]:
         return self.items[position]
 
     @property

@@ -12,10 +12,8 @@ from gridfold.errors import OptionError
 from gridfold.grid.case import Case
 from gridfold.io.clearing_store import ClearingStore
 from gridfold.io.event_records import event_record
-from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.runs.clearing.found import ClearingTime, Fault
 from gridfold.runs.clearing.rows import about_times, clearing_row, time_from_row
-from gridfold.version import __version__
 
 #: Parts of an identity that must be the same for a map to be gone on with, and their names.
 _SAME = {
@@ -64,8 +62,6 @@ def kept_times(
         yield KeptTimes(case)
         return
     identity = {
-        "gridfold": __version__,
-        "sources": SOURCES,
         **about_times(case, settings, len(faults)),
         "faults": [event_record(fault) for fault in faults],
     }

@@ -151,9 +151,7 @@ class _Work:
             return "the faults begin at several times"
         return why_single(self.model, self.stepper)
 
-    def alone(
-        self, faults: Sequence[Fault], workers: int
-    ) -> Iterator[tuple[int, ClearingTime]]:
+    def alone(self, faults: Sequence[Fault], workers: int) -> Iterator[tuple[int, ClearingTime]]:
         """Clearing times by runs of their own, one a thread; yields the number of a fault, too."""
         trials = Trials(faults, self.grid)
         flying: dict[Future[Verdict], Trial] = {}
@@ -182,9 +180,7 @@ class _Work:
         except GridfoldError as error:
             return verdict_of(error)
 
-    def together(
-        self, faults: Sequence[Fault], workers: int
-    ) -> Iterator[tuple[int, ClearingTime]]:
+    def together(self, faults: Sequence[Fault], workers: int) -> Iterator[tuple[int, ClearingTime]]:
         """Clearing times by batches, one a thread; yields the number of a fault, too."""
         size = min(_SIDE_BY_SIDE, -(-len(faults) // (workers * WIDTH)) * WIDTH)
         shares = [range(k, min(k + size, len(faults))) for k in range(0, len(faults), size)]
@@ -228,7 +224,7 @@ class _Batch:
         work, trials = self.work, self.trials
         if work.stop.is_set():
             return
-        first = []
+        first: list[tuple[Event]] = []
         while (trial := self._next()) is not None:
             self.lanes[len(first)] = trial
             first.append((trials.event(trial),))

@@ -11,8 +11,10 @@ from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.event_checks import find_branch
 from gridfold.grid.events import BusFault
 from gridfold.grid.grid_map import grid_map
+from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.runs.clearing.found import ClearingTime, Fault
 from gridfold.systems.status import Status
+from gridfold.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,13 +46,13 @@ def clearing_row(case: Case, item: ClearingTime) -> dict[str, Any]:
     """
     fault = item.fault
     at = case.buses[case.bus_index[near_bus(case, fault)]]
-    on_bus = isinstance(fault, BusFault)
+    line = None if isinstance(fault, BusFault) else fault
     return {
         "place": place_of(fault),
         "name": at.name.strip(),
-        "bus": fault.bus if on_bus else None,
-        "branch": None if on_bus else fault.branch,
-        "fraction": None if on_bus else fault.fraction,
+        "bus": fault.bus if isinstance(fault, BusFault) else None,
+        "branch": None if line is None else line.branch,
+        "fraction": None if line is None else line.fraction,
         "base_kv": at.base_kv,
         "area": at.area,
         "zone": at.zone,
@@ -89,6 +91,8 @@ def clearing_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 def about_times(case: Case, settings: Mapping[str, Any], total: int) -> dict[str, Any]:
     """What clearing times of a case are about; `total` counts the places that were asked for."""
     return {
+        "gridfold": __version__,
+        "sources": SOURCES,
         "case": case.name,
         "fingerprint": case.fingerprint,
         "settings": dict(settings),

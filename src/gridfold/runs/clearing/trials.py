@@ -88,8 +88,8 @@ class _Place:
 class Trials:
     """The bisections of some faults.
 
-    A trial that is handed out, by :meth:`due` or :meth:`ahead`, is under way until :meth:`take`. Of every
-    place that is not found one at least is under way or due.
+    A trial that is handed out, by :meth:`due` or :meth:`ahead`, is under way until :meth:`take`. Of
+    every place that is not found one at least is under way or due.
     """
 
     def __init__(self, faults: Sequence[Fault], grid: TimeGrid):
