@@ -68,6 +68,9 @@ def _draw_grid(axes: Axes, record: Record, rows: list[dict[str, Any]]) -> None:
                 **_style(record, group, line),
             )
     axes.autoscale_view()
+    if view := record["view"]:
+        axes.set_xlim(view["x"])
+        axes.set_ylim(view["y"])
     axes.set_aspect(_ratio(grid), adjustable="datalim")
     axes.set_axis_off()
     if rows:

@@ -22,6 +22,10 @@ _SHARES = (0.04, 0.15, 0.35, 0.6, 0.85)
 _COLORS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 #: Where a fault at the end of a line is drawn: this share of its length away from the bus.
 _INSET = 0.13
+#: Room around the places that are shown: a share of what they take, and at least of the whole map.
+_ROOM, _LEAST_ROOM = 0.12, 0.03
+#: Share of the map from which all of it is shown.
+_MOST = 0.7
 
 #: Columns of the table in the page.
 _FIELDS = (
@@ -64,6 +68,7 @@ def clearing_record(about: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
             "failed": groups.count("failed"),
         },
         "map": grid,
+        "view": _view(shown, grid["buses"]),
         "fields": list(_FIELDS),
         "rows": [[row[name] for name in _FIELDS] for row in shown],
         "provenance": _provenance(about),
@@ -117,6 +122,20 @@ def _spot(row: Mapping[str, Any], spots: Mapping[int, tuple[float, float]]) -> t
     share = min(max(row["fraction"], _INSET), 1 - _INSET)
     x, y = (round(a + share * (b - a), 6) for a, b in zip(first, second, strict=True))
     return x, y
+
+
+def _view(rows: Sequence[Record], buses: Sequence[Record]) -> Record | None:
+    """The part of the map that the places take, with some room; None if that is most of it."""
+    if not rows:
+        return None
+    view, share = {}, 1.0
+    for axis in ("x", "y"):
+        low, high = min(row[axis] for row in rows), max(row[axis] for row in rows)
+        whole = max(bus[axis] for bus in buses) - min(bus[axis] for bus in buses)
+        room = max(_ROOM * (high - low), _LEAST_ROOM * whole)
+        view[axis] = [low - room, high + room]
+        share *= min(1.0, (high - low + 2 * room) / whole) if whole else 1.0
+    return view if share < _MOST else None
 
 
 def _order(row: Mapping[str, Any]) -> tuple[bool, bool, float]:

@@ -136,7 +136,13 @@ function drawMap() {
       marker: {color: "#d5dae0", size: 3.5}, text: rest.map(bus => plain(busName(bus.number))),
       hovertemplate: "bus %{text}<br>not examined<extra></extra>"},
     ...traces,
-  ], {...mapLayout(mapHeight()), annotations: mapLabel()});
+  ], {...mapView(mapLayout(mapHeight())), annotations: mapLabel()});
+}
+// The part of the map in which places are; a double click shows all of it.
+function mapView(layout) {
+  const {view} = record;
+  if (!view) return layout;
+  return {...layout, xaxis: {...layout.xaxis, range: view.x}, yaxis: {...layout.yaxis, range: view.y}};
 }
 const mapHeight = () => Math.round(Math.min(640, Math.max(340, 0.62 * at("map-section").clientWidth)));
 function mapLabel() {
@@ -274,6 +280,7 @@ function start() {
   heads();
   mapCaption();
   if (rows.some(row => row.line)) at("map-caption").append(" Triangles: faults at ends of lines, which trip them.");
+  if (record.view) at("map-caption").append(" The part with places that were examined is shown first.");
   definitions("origin", record.provenance);
   refresh();
   for (const id of ["map", "bars"]) {

@@ -29,7 +29,7 @@ from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 
 #: Places from which it pays to have their trials side by side.
-FEWEST_PLACES = 3
+FEWEST_PLACES = 4
 #: Places that one worker looks at together: four for each member of a batch.
 _SIDE_BY_SIDE = 4 * WIDTH
 #: Seconds after which a wait is broken off to see whether the work is to be stopped.
