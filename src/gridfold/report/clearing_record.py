@@ -13,7 +13,7 @@ Record = dict[str, Any]
 
 #: Limits between classes of clearing times that may be taken, in milliseconds.
 _LIMITS = (
-    *range(10, 100, 10), *range(100, 200, 20), *range(200, 400, 50), *range(400, 1000, 100),
+    1, 2, 5, *range(10, 200, 10), *range(200, 400, 20), *range(400, 1000, 50),
     *range(1000, 2000, 250), *range(2000, 10_001, 1000),
 )  # fmt: skip
 #: Shares of all places, the shortest times first, at which classes end.

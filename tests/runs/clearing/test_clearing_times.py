@@ -153,9 +153,7 @@ def test_work_that_is_stopped_goes_on_from_its_folder_and_does_nothing_twice(npc
     with pytest.raises(gf.OptionError, match="resume"):
         gf.critical_clearing_times(npcc, FAULTS, 1, simulator=first, out=folder)
     second = Scripted(LIMITS)
-    found = gf.critical_clearing_times(
-        npcc, FAULTS, 1, simulator=second, out=folder, resume=True
-    )
+    found = gf.critical_clearing_times(npcc, FAULTS, 1, simulator=second, out=folder, resume=True)
     whole = Scripted(LIMITS)
     again = gf.critical_clearing_times(npcc, FAULTS, 1, simulator=whole)
     assert found.rows == again.rows

@@ -35,11 +35,13 @@ def test_all_that_a_bisection_may_ask_for_is_ahead_and_nothing_twice():
     assert len(ahead) == len(set(ahead)) == 40
     assert ahead[0] == GRID.search.trial
     assert next(GRID.search.ahead({16: False})) == 8
-    assert list(GRID.search.ahead({16: True, 32: False, 24: True, 28: True, 30: True, 31: True})) == []
+    assert (
+        list(GRID.search.ahead({16: True, 32: False, 24: True, 28: True, 30: True, 31: True})) == []
+    )
 
 
 def test_trials_in_any_order_give_the_time_of_the_bisection_though_stability_is_not_monotonous():
-    draw = random.Random(4)  # noqa: S311
+    draw = random.Random(4)
     for _ in range(60):
         verdicts = [{steps: draw.random() < 0.6 for steps in range(1, 41)} for _ in range(3)]
         alone = [asked(GRID.search, stable)[0] for stable in verdicts]

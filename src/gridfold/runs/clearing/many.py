@@ -98,7 +98,6 @@ def critical_clearing_times(
     grid = TimeGrid(resolution, longest, t_end)
     method = fit_stepper(model, stepper)
     work = _Work(model, grid, method.stepper, criterion, simulator, stop or Flag())
-    alone = work.why_alone(faults)
     facts = {
         **vars(grid),
         "method": method.stepper.name,
@@ -109,6 +108,7 @@ def critical_clearing_times(
     with kept_times(model.case, faults, facts, out, resume) as kept:
         left = [fault for number, fault in enumerate(faults) if number not in kept.known]
         places = [number for number in range(len(faults)) if number not in kept.known]
+        alone = work.why_alone(left)
         runs = work.together if alone is None else work.alone
         for k, found in runs(left, workers or os.cpu_count() or 1):
             kept.add(places[k], found)
