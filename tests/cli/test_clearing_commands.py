@@ -64,6 +64,16 @@ def test_what_is_complete_is_resumed_without_a_run_and_reported_from_its_folder(
     assert "--resume" in err
 
 
+def test_a_map_on_a_reduced_model_goes_on_though_its_rungs_are_timed_anew(command, tmp_path):
+    options = ("--buses", "17", "--model", "adaptive", "--t-end", 1, "--longest", 0.1)
+    first = ("cct", "npcc", *options, "--out", tmp_path / "map", "--json", "-")
+    code, out, _ = command(*first)
+    assert code == 0
+    again, resumed, _ = command(*first, "--resume")
+    assert again == 0
+    assert json.loads(resumed)["clearing_times"] == json.loads(out)["clearing_times"]
+
+
 def test_another_grid_of_times_in_the_same_folder_is_refused(whole, command):
     again = ("cct", "npcc", *QUICK, "--out", whole / "npcc.cct", "--resume")
     code, _, err = command(*again, "--longest", 0.2)

@@ -43,6 +43,8 @@ from gridfold.runs.simulate import simulate
 
 #: Runs that a critical clearing time takes, roughly.
 _RUNS_PER_FAULT = 8
+#: What the record of a reduced model has of clocks and rounding, which differ from run to run.
+_MEASURED = ("rungs", "bound")
 #: Places that are shown at the end.
 _SHOWN = 40
 
@@ -208,8 +210,11 @@ cct.__doc__ = _HELP
 
 def _settings(simulator: Simulator) -> dict[str, Any]:
     """What of a model clearing times hang on, ready for JSON."""
-    used = simulator.used
-    return {"model": simulator.kind.value, **({} if used is None else {"options": used.settings})}
+    told: dict[str, Any] = {"model": simulator.kind.value}
+    if simulator.used is not None:
+        record = simulator.used.settings
+        told["options"] = {key: record[key] for key in record if key not in _MEASURED}
+    return told
 
 
 def _ended(times: ClearingTimes, kept: MapOptions) -> ExitCode:
