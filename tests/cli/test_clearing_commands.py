@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
+
+import gridfold as gf
+from gridfold import ClearingTime
 
 QUICK = ("--t-end", 1, "--longest", 0.1, "--resolution", 0.05, "--model", "detailed")
 
@@ -79,3 +84,15 @@ def test_another_grid_of_times_in_the_same_folder_is_refused(whole, command):
     code, _, err = command(*again, "--longest", 0.2)
     assert code == 2
     assert "longest (was 0.1, is 0.2)" in " ".join(err.split())
+
+
+def test_calibration_does_not_start_from_a_fault_whose_clearing_time_is_not_known(
+    command, monkeypatch
+):
+    failed = ClearingTime(gf.BusFault(3), math.nan, False, 1, reason="the network is singular")
+    found = SimpleNamespace(failed=(failed,))
+    monkeypatch.setattr("gridfold.cli.calibrate.critical_clearing_times", lambda *_, **__: found)
+    code, _, err = command("calibrate", "npcc", "--study-buses", "1-36", "--buses", "3")
+    assert code == 2
+    told = "bus 3: the clearing time cannot be found: the network is singular"
+    assert told in " ".join(err.split())
