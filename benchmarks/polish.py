@@ -63,7 +63,7 @@ def find_faults(parts: Partition) -> tuple[list[BusFault], list[ClearingTime]]:
     first = min(tried, key=lambda item: item.seconds)
     if first.bounded and SHARE * first.seconds > SHORT:
         faults.append(replace(first.fault, duration=round(SHARE * first.seconds, 2)))
-    return faults, tried
+    return faults, list(tried)
 
 
 def grid_section(model: DetailedModel, seconds: float) -> Section:

@@ -31,7 +31,7 @@ from gridfold import (
 )
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.families import Mode, ModelFamily, reduce_external
-from gridfold.runs.clearing_time import Simulator
+from gridfold.runs.clearing.single import Simulator
 from gridfold.runs.simulate import ModelStore
 
 T_END, RESOLUTION = 16.0, 0.01
@@ -102,9 +102,10 @@ def find(model: DetailedModel) -> Findings:
     seconds = {}
     for name, simulator in simulators(model).items():
         began = time.perf_counter()
-        times[name] = critical_clearing_times(
+        found = critical_clearing_times(
             model, faults, resolution=RESOLUTION, t_end=T_END, simulator=simulator
         )
+        times[name] = list(found)
         true = {bus: item.seconds for bus, item in zip(BUSES, times[DETAILED], strict=True)}
         verdicts[name] = judge(model, simulator, true)
         seconds[name] = time.perf_counter() - began

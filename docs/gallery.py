@@ -72,6 +72,12 @@ PICTURES = (
         "Eigenvalues at the operating point, with lines of equal damping.",
         ["gridfold eigenvalues npcc --count 10 --plot modes.png"],
     ),
+    Picture(
+        "clearing-times.png",
+        "Clearing times",
+        "The map of the grid in the colours of its critical clearing times, and the shortest of them.",
+        ["gridfold cct npcc --t-end 8 --plot clearing-times.png"],
+    ),
 )
 
 

@@ -100,8 +100,9 @@ from gridfold.reduction import (
 )
 from gridfold.reduction.interop import to_control, to_pymor
 from gridfold.runs.batch import simulate_batch
-from gridfold.runs.clearing_time import (
+from gridfold.runs.clearing import (
     ClearingTime,
+    ClearingTimes,
     critical_clearing_time,
     critical_clearing_times,
 )
@@ -136,6 +137,7 @@ __all__ = [
     "CaseError",
     "CaseFileError",
     "ClearingTime",
+    "ClearingTimes",
     "Comparison",
     "Control",
     "DetailedModel",

@@ -1,18 +1,13 @@
-"""The report of a study in a real browser.
-
-A Chromium that is there is driven through playwright; GRIDFOLD_CHROMIUM names one that is not on the
-path.
-"""
+"""The report of a study in a real browser."""
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pages_visited import NARROW, WIDE, Visit, check_quiet, overflow, until
 from study_stores import (
     REPLACED,
     WICKED,
@@ -26,40 +21,10 @@ from study_stores import (
 
 from gridfold.report.study_report import write_report
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="the package playwright is missing: pip install gridfold[browser]"
-)
-
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-WIDE, NARROW = 1280, 400
 #: Contingencies of a large study, and seconds of computing in which its page is there.
 LARGE, OPENED = 5000, 2.0
 #: Points of curves that are drawn; the legend has others.
 LINES = "#curves .scatterlayer .trace path.js-line"
-
-
-def executable() -> str | None:
-    named = os.environ.get("GRIDFOLD_CHROMIUM")
-    return named or next(filter(None, map(shutil.which, NAMES)), None)
-
-
-# Closed with this module: while it is open, playwright keeps an event loop in the main thread.
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    path = executable()
-    if path is None:
-        pytest.skip("no Chromium is found: install the package chromium, or set GRIDFOLD_CHROMIUM")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=path, args=list(FLAGS))
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")
@@ -79,33 +44,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         with store:
             write_report(store, folder / f"{name}.html")
     return {name: (folder / f"{name}.html").as_uri() for name in stores}
-
-
-class Visit:
-    """A page, with what it has complained of and asked for."""
-
-    def __init__(self, browser: Any, address: str, metered: bool = False):
-        self.page = browser.new_page(viewport={"width": WIDE, "height": 800})
-        self.complaints: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", self._heard)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        if metered:
-            session = self.page.context.new_cdp_session(self.page)
-            session.send("Performance.enable", {"timeDomain": "threadTicks"})
-        self.page.goto(address)
-        self.seconds = _task_seconds(session) if metered else None
-
-    def _heard(self, message: Any) -> None:
-        if message.type in ("error", "warning"):
-            self.complaints.append(message.text)
-
-
-def _task_seconds(session: Any) -> float:
-    """Time that the page's thread has computed."""
-    metrics = session.send("Performance.getMetrics")["metrics"]
-    return float(next(item["value"] for item in metrics if item["name"] == "TaskDuration"))
 
 
 @pytest.fixture(scope="module")
@@ -137,15 +75,6 @@ def small(small_visit: Visit) -> Any:
     return page
 
 
-def until(page: Any, condition: str) -> None:
-    """Wait until a condition holds; asked from outside, since the page forbids code from strings."""
-    for _ in range(200):
-        if page.evaluate(condition):
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError(condition)
-
-
 def choose(page: Any, number: int) -> None:
     page.click(f"#body tr[data-number='{number}'] a")
     until(page, f"shown.chosen === {number}")
@@ -153,16 +82,6 @@ def choose(page: Any, number: int) -> None:
 
 def numbers(page: Any) -> list[int]:
     return [int(row) for row in page.locator("#body tr td:first-child").all_inner_texts()]
-
-
-def overflow(page: Any) -> int:
-    script = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    return int(page.evaluate(script))
-
-
-def check_quiet(visit: Visit, address: str) -> None:
-    assert visit.complaints == []
-    assert [url for url in visit.requests if not url.startswith("data:")] == [address]
 
 
 def test_page_is_drawn_without_a_complaint_or_a_request(small_visit, pages):

@@ -408,7 +408,8 @@ def test_rows_and_curves_are_the_same_one_by_one(tmp_path, reference):
         if pd.api.types.is_float_dtype(here[name]):
             assert here[name].isna().equals(there[name].isna()), name
             apart = (here[name] - there[name]).abs().max()
-            assert pd.isna(apart) or apart < 1e-9, name
+            fitted = name in ("swing_hz", "damping_ratio")  # to the swing, which magnifies rounding
+            assert pd.isna(apart) or apart < (1e-6 if fitted else 1e-9), name
         else:
             assert here[name].equals(there[name]), name
     for number in here["number"]:

@@ -1,4 +1,4 @@
-"""Commands that look at a case: its data, its modes, its critical clearing times."""
+"""Commands that look at a case: its data, its modes."""
 
 from __future__ import annotations
 
@@ -9,29 +9,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from gridfold.cli.choice import ModelChoice
 from gridfold.cli.console import (
     out,
     say_basis,
-    say_doubts,
-    say_method,
-    say_model,
     speaks_to_people,
-    stage_bars,
     write_json_option,
 )
 from gridfold.cli.options import (
     CaseOptions,
-    JobsOption,
     JsonOption,
-    RunOptions,
-    run_option,
 )
-from gridfold.equivalents.auto import Work
-from gridfold.errors import OptionError
-from gridfold.grid.case import Case
-from gridfold.grid.events import BranchFault, BusFault
-from gridfold.grid.selection import select_buses, select_lines
 from gridfold.report.plain import as_lines
 from gridfold.report.plots import plot_eigenvalues
 from gridfold.report.style import check_format
@@ -39,7 +26,6 @@ from gridfold.report.tables import (
     area_table,
     area_tie_table,
     case_facts,
-    clearing_table,
     device_table,
     facts_table,
     flow_facts,
@@ -49,8 +35,6 @@ from gridfold.report.tables import (
 )
 from gridfold.runs.basis import basis_of
 from gridfold.runs.case_info import CaseInfo, area_ties
-from gridfold.runs.clearing_time import ClearingTime, Fault, critical_clearing_times
-from gridfold.runs.longer_step import choose_for_many
 from gridfold.runs.small_signal import SmallSignal, small_signal
 
 
@@ -179,114 +163,6 @@ def eigenvalues(
         say_basis(basis)
     if plot is not None:
         plot_eigenvalues(modes, model.case.name, plot)
-
-
-#: Runs that a critical clearing time takes, roughly.
-_RUNS_PER_FAULT = 8
-
-
-def cct(
-    source: CaseOptions,
-    runs: RunOptions,
-    choice: ModelChoice,
-    buses: Annotated[
-        str | None, typer.Option(help="Faulted buses, such as 1-36, area:1 or 'kv>=345'.")
-    ] = None,
-    lines: Annotated[
-        str | None,
-        typer.Option(
-            help="Lines, such as 3-2 or area:1, with a fault at either end that trips them."
-        ),
-    ] = None,
-    resolution: Annotated[float, run_option(help="Grid of clearing times (s).")] = 0.01,
-    longest: Annotated[float, run_option(help="Longest clearing time tried (s).")] = 2.0,
-    jobs: JobsOption = None,
-    json: JsonOption = None,
-) -> None:
-    """Critical clearing times of three-phase faults at buses and lines, on all cores.
-
-    The largest clearing time on a grid for which no machine loses synchronism until the run ends.
-
-    Examples: gridfold cct npcc --buses 1-36 --json cct.json
-
-              gridfold cct npcc --lines "area:1 to area:2"
-    """
-    criterion = runs.criterion
-    grid = source.build()
-    faults = _faults(grid.case, buses, lines, choice.external.area.known(grid.case, source.case))
-    basis = basis_of(grid)
-    count = _RUNS_PER_FAULT * len(faults)
-    method = choose_for_many(
-        grid,
-        [(fault,) for fault in faults],
-        runs.method,
-        runs.seconds,
-        runs=count,
-        t_end=runs.t_end,
-        criterion=criterion,
-    )
-    work = Work(count, round(runs.t_end / method.stepper.step))
-    simulator = choice.build(grid, source.case, work, method.stepper)
-    with stage_bars() as bars:
-        times = critical_clearing_times(
-            grid,
-            faults,
-            jobs,
-            on_done=bars.counter("clearing times", len(faults)),
-            resolution=resolution,
-            longest=longest,
-            t_end=runs.t_end,
-            stepper=method.stepper,
-            criterion=criterion,
-            simulator=simulator,
-        )
-    name = simulator.kind.value
-    told = {"model": name, "model_reason": simulator.reason} | method.record() | basis.record()
-    about = {"case": grid.case.name, "fingerprint": grid.case.fingerprint, **told}
-    write_json_option(json, about | {"clearing_times": [_clearing_record(item) for item in times]})
-    if speaks_to_people(json):
-        out.print(clearing_table(times))
-        out.print(
-            f"Synchronism is lost at {criterion}; runs of {runs.t_end:g} s on the {name} model."
-        )
-        say_basis(basis)
-        say_method(method.reason)
-        say_doubts(method.doubts)
-        say_model(name, simulator.reason)
-
-
-def _faults(
-    case: Case, buses: str | None, lines: str | None, study: frozenset[int] | None
-) -> list[Fault]:
-    """Faults at buses, then at both ends of lines."""
-    if buses is None and lines is None:
-        raise OptionError("give --buses or --lines: where the faults are")
-    faults: list[Fault] = []
-    if buses is not None:
-        faults += [BusFault(bus) for bus in select_buses(buses, case, "--buses", study)]
-    if lines is not None:
-        found = sorted({line.position for line in select_lines(lines, case, "--lines", study)})
-        faults += [
-            BranchFault(case.branch_names[position], fraction=end)
-            for position in found
-            if case.branches[position].in_service
-            for end in (0.0, 1.0)
-        ]
-    if not faults:
-        raise OptionError("no bus and no line in service is chosen")
-    return faults
-
-
-def _clearing_record(item: ClearingTime) -> dict[str, Any]:
-    fault = item.fault
-    return {
-        "bus": fault.bus if isinstance(fault, BusFault) else None,
-        "branch": fault.branch if isinstance(fault, BranchFault) else None,
-        "fraction": fault.fraction if isinstance(fault, BranchFault) else None,
-        "cct_s": item.seconds,
-        "bounded": item.bounded,
-        "runs": item.runs,
-    }
 
 
 def _mode_record(modes: SmallSignal, k: int) -> dict[str, Any]:

@@ -35,8 +35,8 @@ COMMANDS = {
         "Eigenvalues, damping ratios and participation factors at the operating point.",
     ),
     "cct": Late(
-        "analysis",
-        "Critical clearing times of three-phase faults at buses and lines, on all cores.",
+        "clearing",
+        "Critical clearing times of three-phase faults, of a few places or of the whole grid.",
         _JOBS,
     ),
     "partition": Late(
@@ -64,7 +64,10 @@ COMMANDS = {
     "run": Late("study", "Run a study: every contingency, on all cores or a cluster."),
     "sample": Late("sample", "Make a labelled data set of operating points and faults."),
     "show": Late("study_results", "Show the results of a study, also while it runs."),
-    "report": Late("study_results", "Write the report of a study: one page that needs no network."),
+    "report": Late(
+        "study_results",
+        "Write the report of a study or of clearing times: one page that needs no network.",
+    ),
     "check": Late("study_results", "Read all of a study's results and say which are whole."),
     "warm-up": Late(
         "warm_up", "Compile once what runs need, so that the first one starts at once."

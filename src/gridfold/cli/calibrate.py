@@ -37,6 +37,7 @@ from gridfold.equivalents.calibrate import Calibration, Threshold, ThresholdKind
 from gridfold.equivalents.calibrate import calibrate as run_calibration
 from gridfold.equivalents.contingency_errors import AngleError, Contingency
 from gridfold.equivalents.saved import reducer_record
+from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.grid.selection import select_buses
 from gridfold.grid.selection_text import as_ranges
@@ -45,7 +46,8 @@ from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
 from gridfold.report.plain import PlainTable
 from gridfold.runs.basis import basis_of
-from gridfold.runs.clearing_time import critical_clearing_times
+from gridfold.runs.clearing import critical_clearing_times
+from gridfold.runs.clearing.rows import place_of
 from gridfold.runs.method import Choice
 
 
@@ -152,6 +154,10 @@ def _critical(
         stepper=method.stepper,
         criterion=runs.criterion,
     )
+    if times.failed:
+        first = times.failed[0]
+        where = place_of(first.fault)
+        raise OptionError(f"{where}: the clearing time cannot be found: {first.reason}")
     return [item.fault for item in times]
 
 

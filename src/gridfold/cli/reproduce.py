@@ -35,7 +35,7 @@ from gridfold.paper.runs import (
 from gridfold.paper.tables import ADAPTIVE, table_2, table_3, table_4, verdicts
 from gridfold.report.reproduction import reproduction_tables
 from gridfold.report.reproduction_figures import plot_map, plot_rotor_angles, plot_switches
-from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.clearing import critical_clearing_time
 
 
 class Part(Enum):

@@ -52,7 +52,7 @@ from gridfold.report.tables import (
     swing_table,
 )
 from gridfold.runs.basis import basis_of
-from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.clearing import critical_clearing_time
 from gridfold.runs.criteria import Verdict, judge
 from gridfold.runs.monitor import DEFAULT_MONITOR, Columns, monitored, parse_monitor
 from gridfold.runs.monitor.columns import column_filter

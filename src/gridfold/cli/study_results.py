@@ -10,12 +10,13 @@ import typer
 from gridfold.cli.console import err, out, write_json_option
 from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import JsonOption
-from gridfold.cli.study import StudyFolder, output_option
+from gridfold.cli.study import StudyFolder
+from gridfold.cli.table_options import TableOptions
 from gridfold.errors import OptionError
-from gridfold.io.results import write_csv, write_parquet
-from gridfold.io.spreadsheet import formula_cells, without_formulas
+from gridfold.io.clearing_store import holds_clearing_times
 from gridfold.io.study_repair import check_store, repair_store
 from gridfold.io.study_store import StudyStore
+from gridfold.report.clearing_report import write_report_of_folder
 from gridfold.report.result_tables import result_tables
 from gridfold.report.study_report import write_report
 from gridfold.report.study_tables import (
@@ -51,12 +52,8 @@ def show(
         str, typer.Option(help="Columns of the table, by commas; all: every one.")
     ] = "",
     limit: Annotated[int, typer.Option(min=1, help="Rows of the table.")] = 40,
-    csv: Annotated[Path | None, output_option(help="Write all rows as CSV.")] = None,
-    csv_safe: Annotated[
-        bool,
-        output_option("--csv-safe", help="Put ' before texts that a spreadsheet would run."),
-    ] = False,
-    parquet: Annotated[Path | None, output_option(help="Write all rows as Parquet.")] = None,
+    *,
+    tables: TableOptions,
     json: JsonOption = None,
 ) -> None:
     """Show the results of a study, also while it runs.
@@ -65,8 +62,6 @@ def show(
 
       gridfold show study.results --where "stable = 1" --sort lowest_voltage
     """
-    if csv_safe and csv is None:
-        raise OptionError("--csv-safe says how --csv writes; give --csv too")
     with StudyStore.read(folder) as store:
         _warn_of_damage(store)
         frame = store.frame(where, sort, descending)
@@ -80,12 +75,7 @@ def show(
         wanted = list(store.columns) if chosen == ["all"] else chosen
     told = ("gridfold", "sources", "case", "fingerprint", "files", "study", "settings")
     notes = {key: about[key] for key in told if key in about} | {"counts": counts.record()}
-    if csv is not None:
-        formulas = formula_cells(frame)
-        write_csv(csv, without_formulas(frame) if csv_safe else frame, notes)
-        _tell_formulas(csv, formulas, csv_safe)
-    if parquet is not None:
-        write_parquet(parquet, frame, notes)
+    tables.write(frame, notes)
     if json is not None:
         rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         write_json_option(json, notes | {"results": rows})
@@ -101,14 +91,19 @@ def report(
         Path | None, typer.Option("--out", help="The page.", show_default="FOLDER/report.html")
     ] = None,
 ) -> None:
-    """Write the report of a study: one page that needs no network.
+    """Write the report of a study or of clearing times: one page that needs no network.
 
-    Example: gridfold report study.results --out monday.html
+    Examples: gridfold report study.results --out monday.html
+
+              gridfold report npcc.cct
     """
     target = folder / "report.html" if file is None else file
-    with StudyStore.read(folder) as store:
-        write_report(store, target)
-        _warn_of_damage(store)
+    if holds_clearing_times(folder):
+        write_report_of_folder(folder, target)
+    else:
+        with StudyStore.read(folder) as store:
+            write_report(store, target)
+            _warn_of_damage(store)
     out.print(f"{target} is written")
 
 
@@ -158,16 +153,3 @@ check.__doc__ = _CHECK_HELP
 def _warn_of_damage(store: StudyStore) -> None:
     for line in damage_lines(store.damage, store.folder):
         err.print(f"warning: {line}", style="yellow")
-
-
-def _tell_formulas(csv: Path, count: int, safe: bool) -> None:
-    if not count:
-        return
-    cells = "1 text" if count == 1 else f"{count} texts"
-    if safe:
-        err.print(f"{csv}: {cells} that a spreadsheet would run as formulas begin with ' now")
-    else:
-        err.print(
-            f"warning: {csv}: a spreadsheet would run {cells} as formulas; --csv-safe defuses them",
-            style="yellow",
-        )

@@ -35,7 +35,7 @@ from gridfold.grid.events import BusFault, Event
 from gridfold.paper import published
 from gridfold.partition import Partition, partition
 from gridfold.reduction import Reducer
-from gridfold.runs.clearing_time import critical_clearing_time
+from gridfold.runs.clearing import critical_clearing_time
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status

@@ -22,7 +22,7 @@ from gridfold.paper.runs import (
     SmallRun,
     fault_errors,
 )
-from gridfold.runs.clearing_time import Fault, critical_clearing_time
+from gridfold.runs.clearing import Fault, critical_clearing_time
 from gridfold.systems.status import Status
 
 #: Times that each run of Table III is repeated.

@@ -19,14 +19,14 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.moved_modes import MOVED, ComparedMode, compared_modes
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.doubts import Doubt
-from gridfold.grid.events import BusFault
 from gridfold.partition import Coupling, Partition
 from gridfold.powerflow import PowerFlowResult
 from gridfold.reduction import Reducer
 from gridfold.report.plain import PlainTable, as_lines
 from gridfold.runs.basis import Basis
 from gridfold.runs.case_info import AreaTie, ModelCount
-from gridfold.runs.clearing_time import ClearingTime, Fault
+from gridfold.runs.clearing import ClearingTime
+from gridfold.runs.clearing.rows import place_of
 from gridfold.runs.device_check import Finding
 from gridfold.runs.monitor.extremes import Extremes
 from gridfold.runs.small_signal import SmallSignal
@@ -301,25 +301,35 @@ def extremes_table(rows: Sequence[Extremes], limit: int = 40) -> PlainTable:
     return table
 
 
-def clearing_table(times: Sequence[ClearingTime]) -> PlainTable:
-    """Critical clearing times of faults at buses and at ends of lines."""
+def clearing_table(times: Sequence[ClearingTime], limit: int) -> PlainTable:
+    """Critical clearing times of faults at buses and at ends of lines.
+
+    Of more than `limit` those are shown that are the shortest, in their order.
+    """
     table = PlainTable(title="Critical clearing times", title_justify="left")
     table.add_column("fault")
     table.add_column("CCT (s)", justify="right")
+    table.add_column("first machine")
     table.add_column("runs", justify="right")
-    for item in times:
-        mark = "" if item.bounded else ">= "
-        table.add_row(_fault_name(item.fault), f"{mark}{item.seconds:g}", str(item.runs))
+    shown = times
+    if len(times) > limit:
+        # Times that are not known are NaN, and come last.
+        shown = sorted(times, key=lambda item: (item.failed, not item.bounded, item.seconds))[
+            :limit
+        ]
+        table.note(f"The {limit} shortest of {len(times)}.")
+    for item in shown:
+        machine = "" if item.machine is None else str(item.machine)
+        table.add_row(place_of(item.fault), _clearing_text(item), machine, str(item.runs))
     return table
 
 
-def _fault_name(fault: Fault) -> str:
-    if isinstance(fault, BusFault):
-        return f"bus {fault.bus}"
-    if fault.fraction in (0.0, 1.0):
-        first, second = fault.branch.partition(":")[0].split("-")
-        return f"line {fault.branch} at {second if fault.fraction else first}"
-    return f"line {fault.branch} at {100 * fault.fraction:g} %"
+def _clearing_text(item: ClearingTime) -> str:
+    if item.failed:
+        return "failed"
+    if not item.bounded:
+        return f">= {item.seconds:g}"
+    return f"{item.seconds:g}" if item.seconds else f"< {item.lost_at:g}"
 
 
 def partition_facts(

@@ -8,10 +8,11 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import GridfoldError
 from gridfold.grid.events import BranchFault, BusFault, Event
 from gridfold.runs.batch import simulate_chains
-from gridfold.runs.clearing_time import ClearingTime, Fault, Search
+from gridfold.runs.clearing.found import ClearingTime, Fault
+from gridfold.runs.clearing.search import TimeGrid
+from gridfold.runs.clearing.trials import Trial, Trials, verdict_of
 from gridfold.runs.trajectory import Trajectory
 from gridfold.study.prepare import Prepared
-from gridfold.systems.status import Status
 
 
 def only_fault(events: Sequence[Event]) -> Fault | None:
@@ -34,27 +35,28 @@ def clearing_times(
     if not wanted.wanted:
         return {}
     searches = {
-        number: Search(fault, wanted.resolution, wanted.longest, t_end - fault.start)
+        number: Trials([fault], TimeGrid(wanted.resolution, wanted.longest, t_end - fault.start))
         for number, events in enumerate(disturbances)
         if (fault := only_fault(events)) is not None
     }
     numbers = list(searches)
+    tried: dict[int, Trial] = {}
 
-    def trial(number: int) -> tuple[Fault, ...]:
-        event = searches[number].trial
-        return () if event is None else (event,)
-
-    def follow(chain: int, outcome: Trajectory | GridfoldError) -> tuple[Fault, ...] | None:
-        number = numbers[chain]
-        if isinstance(outcome, GridfoldError):
-            del searches[number]
+    def next_of(number: int) -> tuple[Fault] | None:
+        trial = searches[number].due()
+        if trial is None:
             return None
-        searches[number].take(outcome.status is Status.COMPLETED)
-        return trial(number) or None
+        tried[number] = trial
+        return (searches[number].event(trial),)
+
+    def follow(chain: int, outcome: Trajectory | GridfoldError) -> tuple[Fault] | None:
+        number = numbers[chain]
+        searches[number].take(tried[number], verdict_of(outcome))
+        return next_of(number)
 
     runs = simulate_chains(
         prepared.model,
-        [trial(number) for number in numbers],
+        [next_of(number) or () for number in numbers],
         follow,
         t_end,
         prepared.method.stepper,
@@ -65,4 +67,5 @@ def clearing_times(
     )
     for _ in runs:
         pass
-    return {number: search.found for number, search in searches.items()}
+    found = {number: trials.found[0] for number, trials in searches.items()}
+    return {number: time for number, time in found.items() if not time.reason}

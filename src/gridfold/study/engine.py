@@ -18,6 +18,7 @@ import numpy as np
 
 from gridfold.equivalents.small_models import Topology, topology
 from gridfold.errors import OptionError
+from gridfold.grid.grid_map import grid_map
 from gridfold.grid.timeline import build_timeline
 from gridfold.io.study_store import StudyStore
 from gridfold.numerics.blas import one_blas_thread
@@ -26,7 +27,6 @@ from gridfold.numerics.lanes import WIDTH
 from gridfold.study.check_sample import checked_runs
 from gridfold.study.executors import Workers, team
 from gridfold.study.generate import Contingency, contingency_from_record
-from gridfold.study.grid_map import grid_map
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
 from gridfold.study.on_gpu import choose_device, device_asked_for

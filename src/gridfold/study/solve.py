@@ -25,7 +25,7 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
-from gridfold.runs.clearing_time import ClearingTime, critical_clearing_time
+from gridfold.runs.clearing import ClearingTime, critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.cuda import simulate_on_gpu
 from gridfold.runs.monitor import Columns

@@ -1,19 +1,13 @@
-"use strict";
+// The report of a study.
 
-// The report of a study. Everything it shows is in the record; nothing is loaded.
-// Texts of the study become text nodes, or go through plain() where Plotly would read markup.
-
-const record = JSON.parse(document.getElementById("record").textContent);
 const rows = record.rows.map(values =>
   Object.fromEntries(record.fields.map((field, k) => [field, values[k]])));
 const byNumber = new Map(rows.map(row => [row.number, row]));
-const busOf = new Map(record.map.buses.map(bus => [bus.number, bus]));
 
 // Okabe & Ito, without the yellow, which is too light for lines; black comes last.
 const PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"];
 const SYMBOLS = ["circle", "square", "triangle-up", "diamond", "x", "cross", "star", "triangle-down",
   "hexagon", "triangle-left"];
-const INK = "#1b1f24", SOFT = "#535c66", FAINT = "#b4bbc3";
 const VERDICTS = {
   stable: {sign: "●", color: "#0072B2", pattern: ""},
   unstable: {sign: "▲", color: "#D55E00", pattern: "/"},
@@ -29,57 +23,21 @@ const MODELS = {
   hybrid: {color: "#E69F00", pattern: "/"},
   linear: {color: "#999999", pattern: "."},
 };
-const CONFIG = {displaylogo: false, responsive: true,
-  modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"]};
-const FONT = {family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 12, color: INK};
 // Machines with a colour and a sign of their own; further ones are thin lines.
 const TOLD_APART = 10, BARS = 150;
 // Rows beyond both ends of what is seen of the table that are in the page too.
 const AHEAD = 8;
 const VIOLATING = {sign: "◆", word: "violates criteria"};
 
-// ---- small helpers -------------------------------------------------------------------------------
-
-function element(name, text, options = {}) {
-  const made = document.createElement(name);
-  if (text !== undefined && text !== null) made.textContent = text;
-  for (const [key, value] of Object.entries(options)) made.setAttribute(key, value);
-  return made;
-}
-const at = id => document.getElementById(id);
-const say = (id, text) => { at(id).textContent = text; };
-const known = value => value !== null && value !== undefined;
-const fixed = (value, digits) => known(value) ? value.toFixed(digits) : "";
-// Plotly reads entities, then tags: a sign without width after each "&" and "<" makes them neither.
-const plain = text => String(text).replace(/[&<]/g, "$&\u2060");
-const many = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const violates = row => Boolean(row.violated);
 const verdictOf = row => row.stable === null ? "failed" : row.stable ? "stable" : "unstable";
-// Seconds and degrees without trailing zeros.
-const short = (value, digits) => String(Number(value.toFixed(digits)));
-
-function busName(number) {
-  const bus = busOf.get(Number(number));
-  return bus && bus.name ? `${number} (${bus.name.trim()})` : String(number);
-}
-function machineName(unit) {
-  const bus = busOf.get(Number(unit.split(":")[0]));
-  return bus && bus.name ? `${unit} (${bus.name.trim()})` : unit;
-}
 function withSign(parent, verdict, text) {
   const sign = verdict === "violating" ? VIOLATING.sign : VERDICTS[verdict]?.sign ?? "○";
   parent.append(element("span", sign, {class: "sign", "aria-hidden": "true"}), text);
   return parent;
 }
-function draw(id, traces, layout) {
-  const base = {font: FONT, paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest",
-    hoverlabel: {bgcolor: "#fff", font: FONT, align: "left"}};
-  return Plotly.react(at(id), traces, {...base, ...layout}, CONFIG);
-}
 // White lines on the bar's colour.
 const hatch = style => ({shape: style.pattern, fillmode: "overlay", fgcolor: "#fff", size: 7, solidity: 0.25});
-const axis = (title, more = {}) => ({title: {text: title, standoff: 6}, gridcolor: "#e8ebee",
-  zerolinecolor: "#c9ced4", linecolor: "#848d97", automargin: true, ...more});
 
 // ---- header --------------------------------------------------------------------------------------
 
@@ -151,18 +109,6 @@ function banners() {
       record.accuracy.other_verdict);
   }
 }
-function banner(title, items) {
-  const box = element("div", null, {class: "banner", role: "note"});
-  box.append(element("strong", title));
-  if (items.length) box.append(list("ul", items));
-  at("banners").append(box);
-}
-function list(kind, items) {
-  const made = element(kind);
-  made.append(...items.map(item => element("li", item)));
-  return made;
-}
-
 // ---- table ---------------------------------------------------------------------------------------
 
 const COLUMNS = [
@@ -538,13 +484,6 @@ function figures(row) {
     + (known(row.wall_check_s) ? `, of that ${row.wall_check_s.toPrecision(2)} s for the check` : ""));
   definitions("figures", pairs.map(([term, text]) => [term, text()]).filter(([, text]) => text));
 }
-function definitions(id, pairs) {
-  at(id).replaceChildren(...pairs.map(([term, text]) => {
-    const pair = element("div");
-    pair.append(element("dt", term), element("dd", text));
-    return pair;
-  }));
-}
 function clearingWords(row) {
   const beyond = row.clearing_time_bounded === false ? "at least " : "";
   const margin = known(row.margin)
@@ -749,14 +688,6 @@ function watchedLayout(panels, times, number, count) {
 
 // ---- map -----------------------------------------------------------------------------------------
 
-function lines(pairs) {
-  const x = [], y = [];
-  for (const [from, to] of pairs) {
-    const a = busOf.get(from), b = busOf.get(to);
-    if (a && b) { x.push(a.x, b.x, null); y.push(a.y, b.y, null); }
-  }
-  return {x, y};
-}
 function branchTrace(name, pairs, line, rank) {
   return {type: "scatter", mode: "lines", name, ...lines(pairs), line, hoverinfo: "skip",
     legendrank: rank, visible: pairs.length ? true : false};
@@ -811,28 +742,14 @@ function faultTraces(events, spots) {
   ];
 }
 function drawMap(events) {
-  const {geographic, buses} = record.map;
-  if (!buses.length) { at("map-section").hidden = true; return; }
-  const middle = buses.reduce((sum, bus) => sum + bus.y, 0) / buses.length;
-  const ratio = geographic ? 1 / Math.max(0.2, Math.cos(middle * Math.PI / 180)) : 1;
-  const none = {visible: false, fixedrange: false};
+  if (!record.map.buses.length) { at("map-section").hidden = true; return; }
   const spots = faultSpots(events);
   const labels = spots.slice(0, 3).map(spot => ({x: spot.x, y: spot.y, text: `<b>${plain(spot.text)}</b>`,
     showarrow: true, arrowhead: 0, arrowcolor: INK, ax: 0, ay: -46, bgcolor: "rgba(255,255,255,0.88)"}));
   draw("map", [...gridTraces(), ...faultTraces(events, spots)], {annotations: labels,
-    height: 470, margin: {l: 4, r: 4, t: 4, b: 4}, dragmode: "pan", uirevision: "map",
-    legend: {orientation: "h", x: 0, y: -0.01, yanchor: "top", font: {size: 11}},
-    xaxis: none, yaxis: {...none, scaleanchor: "x", scaleratio: ratio},
+    ...mapLayout(470),
   });
 }
-function mapCaption() {
-  const {geographic, buses, branches} = record.map;
-  say("map-caption", `${many(buses.length, "bus").replace(/buss$/, "buses")}, ${many(branches.length, "branch").replace(/branchs$/, "branches")}. `
-    + (geographic ? "Placed by longitude and latitude." : "The case has no coordinates: buses are placed by an automatic layout, and distances mean nothing.")
-);
-  at("map-caption").append(element("span", " Drag to move, double-click to see all.", {class: "screen"}));
-}
-
 // ---- clearing times, distributions ---------------------------------------------------------------
 
 function clearing() {
