@@ -89,9 +89,14 @@ class Plans:
         """A disturbance as a member, or what came of it where it had to run by itself."""
         try:
             member = self.member(number, events)
-            if member is not None:
-                return member
-            stepper = self.method.stepper
+            return self.alone(events) if member is None else member
+        except GridfoldError as error:
+            return error
+
+    def alone(self, events: tuple[Event, ...]) -> Outcome:
+        """What comes of a disturbance by itself."""
+        stepper = self.method.stepper
+        try:
             return simulate(self.model, events, self.t_end, stepper, self.criterion, self.store)
         except GridfoldError as error:
             return error
@@ -128,7 +133,7 @@ class Plans:
         intact = self.model
         if system.state == intact.state:
             return None, self._stops
-        if system.layout is not intact.layout or system.injections.nonlinear is not None:
+        if system.layout is not intact.layout:
             return None
         index, out = system.case.bus_index, system.state.units_out
         live = [index[unit.bus] for unit in system.layout.source_units if unit not in out]

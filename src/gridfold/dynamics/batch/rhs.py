@@ -23,10 +23,12 @@ from gridfold.dynamics.batch.factors import (
     solve_group,
     take_voltages,
 )
+from gridfold.dynamics.batch.loads import BatchLoads, batch_loads, solve_with_loads
 from gridfold.dynamics.device import batch_kernel
 from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.backend import CompiledNetwork
+from gridfold.dynamics.network.loads import NonlinearLoads
 from gridfold.dynamics.rhs import (
     HEADER_SIZE,
     N_DERIVATIVE_CALLS,
@@ -60,8 +62,10 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     DRAWN_AT,
     CAUSED_AT,
     COMPENSATING_AT,
-) = range(HEADER_SIZE, HEADER_SIZE + 12)
-_SIZE = HEADER_SIZE + 12
+    LOADS_AT,
+    LOAD_REALS_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 14)
+_SIZE = HEADER_SIZE + 14
 
 
 @dataclass(frozen=True)
@@ -76,22 +80,38 @@ class BatchRhs:
         How many stand side by side.
     rank : int
         The largest rank of a change that there is room for.
+    loads : BatchLoads, optional
+        Loads that are no impedances.
     """
 
     model: DetailedModel
     compiled: CompiledRhs
     members: int
     rank: int
+    loads: BatchLoads | None = None
 
     def put(
-        self, member: int, change: NetworkChange | None, units_out: Collection[UnitKey]
+        self,
+        member: int,
+        change: NetworkChange | None,
+        units_out: Collection[UnitKey],
+        loads: NonlinearLoads | None = None,
     ) -> None:
-        """From now on `member` is on the network with `change`, without `units_out`."""
+        """From now on `member` is on the network with `change`, without `units_out`.
+
+        `loads` are those of its network state that are no impedances, by default those of the model.
+        """
         integers, layout = self.compiled.integers, self.model.layout
         live = self._reals(LIVE_AT, (len(layout.sources), self.members))
         live[:, member] = 1.0
         if units_out:
             live[:, member] = [unit not in units_out for unit in layout.source_units]
+        self._freeze(member, units_out)
+        if self.loads is not None:
+            own = loads or self.model.injections.nonlinear
+            assert own is not None
+            self.loads.put(member, change, own)
+            return
         rank = 0 if change is None else len(change.buses)
         groups = self.members // WIDTH
         ranks = integers[integers[RANKS_AT] :][: self.members + groups]
@@ -108,7 +128,6 @@ class BatchRhs:
             caused[:rank, :, 0, member], caused[:rank, :, 1, member] = (
                 change.caused.T.real, change.caused.T.imag,
             )  # fmt: skip
-        self._freeze(member, units_out)
 
     def _freeze(self, member: int, units_out: Collection[UnitKey]) -> None:
         integers, count = self.compiled.integers, self.compiled.integers[N_FROZEN]
@@ -128,7 +147,8 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
     layout = model.layout
     wide = _side_by_side(layout, members)
     factors = column_factors(model.equations, every_bus=False)
-    scratch = factors.n_rows * ROW
+    loads = batch_loads(model, members, rank)
+    scratch = factors.n_rows * ROW if loads is None else loads.scratch_size
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
     constants = np.repeat(model.constants, members)
     data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=batch_kernel)
@@ -141,9 +161,13 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
     header[LIVE_AT] = reals.add(np.ones((len(layout.sources), members)))
     header[RANKS_AT] = integers.add(np.zeros(groups + members))
     header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
-    header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
-    header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    linear_rank = rank if loads is None else 0
+    header[DRAWN_AT] = reals.add(np.zeros((linear_rank, n, 2, members)))
+    header[CAUSED_AT] = reals.add(np.zeros((linear_rank, n, 2, members)))
     header[COMPENSATING_AT] = data.work_size
+    if loads is not None:
+        header[LOADS_AT] = integers.add(loads.integers)
+        header[LOAD_REALS_AT] = reals.add(loads.reals)
     compiled = CompiledRhs(
         _compiled().address,
         np.concatenate([header, integers.join()]),
@@ -151,7 +175,9 @@ def batch_rhs(model: DetailedModel, members: int, rank: int) -> BatchRhs:
         data.work_size + 2 * rank * members,
         layout.n_states * members,
     )
-    return BatchRhs(model, compiled, members, rank)
+    if loads is not None:
+        loads = loads.inside(compiled, int(header[LOADS_AT]), int(header[LOAD_REALS_AT]))
+    return BatchRhs(model, compiled, members, rank, loads)
 
 
 def _side_by_side(layout: Layout, members: int) -> Layout:
@@ -211,6 +237,11 @@ def _solve(integers, reals, work):
     currents = work[integers[N_SIGNALS] :]
     voltages = work[integers[N_SIGNALS] - 2 * n :]
     scratch = work[integers[SCRATCH_AT] :]
+    if integers[LOADS_AT]:
+        own, values = integers[integers[LOADS_AT] :], reals[integers[LOAD_REALS_AT] :]
+        compensating = work[integers[COMPENSATING_AT] :]
+        solve_with_loads(own, values, members, currents, voltages, compensating, scratch)
+        return
     factors, values = integers[integers[FACTORS_AT] :], reals[integers[FACTOR_REALS_AT] :]
     for group in range(members // WIDTH):
         first = group * WIDTH
