@@ -2,14 +2,14 @@
 
     (Y - J) V = I
 
-over all buses of the intact network. J turns with the voltages, so the equations are real: a block takes
-the real and the imaginary part of a node. Members are taken in groups of eight as in
+over all buses of the intact network. J turns with the voltages, so the equations are real: a block
+takes the real and the imaginary part of a node. Members are taken in groups of eight as in
 :mod:`gridfold.dynamics.batch.factors`.
 
 What a member's network state changes acts between the two triangular solves. With (Y - J) = L U, what
-a current at a bus leaves behind L, and what the voltage of a bus takes from there, lie on the path from the
-bus to the root of the elimination tree, and are short (Tinney, Brandwajn & Chan, Sparse vector
-methods, IEEE Trans. PAS-104, 1985).
+a current at a bus leaves behind L, and what the voltage of a bus takes from there, lies on the path
+from the bus to the root of the elimination tree (Tinney, Brandwajn & Chan, Sparse vector methods,
+IEEE Trans. PAS-104, 1985).
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def _along(starts, nodes, blocks, path):
 
 @compiled_part
 def solve_low(integers, reals, scratch):
-    """y = L^-1 I for eight members, in the place of I, by columns."""
+    """Forward by columns of L: y = L^-1 I for eight members, in the place of I."""
     size = integers[N_ROWS]
     nodes = HEADER + size + 1
     for k in range(size):
@@ -197,7 +197,7 @@ def solve_low(integers, reals, scratch):
 
 @compiled_part
 def solve_up(integers, reals, scratch):
-    """V = U^-1 y for eight members, in the place of y, by rows."""
+    """Backward by rows of U: V = U^-1 y for eight members, in the place of y."""
     size, count = integers[N_ROWS], integers[N_BELOW]
     nodes = HEADER + size + 1
     for k in range(size - 1, -1, -1):

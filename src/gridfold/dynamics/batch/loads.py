@@ -4,10 +4,10 @@ Each member iterates
 
     V = K (I + I_c(V) - J V),    K = (Y - J)^-1,
 
-as in :mod:`gridfold.dynamics.network.loads`. J are the slopes of the intact network's operating point for
-all, so that all share the factors of K; a member's network state, and what it sheds, are its own. A
-member that has converged keeps its voltages while others go on. One that does not converge has voltages
-that are not a number.
+as in :mod:`gridfold.dynamics.network.loads`. J are the slopes of the intact network's operating point
+for all, so that all share the factors of K; a member's network state, and what it sheds, are its own.
+A member that has converged keeps its voltages while others go on. One that does not converge has
+voltages that are not a number.
 """
 
 from __future__ import annotations

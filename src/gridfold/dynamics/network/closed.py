@@ -80,7 +80,7 @@ class Elimination:
     blocks: NDArray[np.float64]
 
     def factored(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Blocks of L and U with slopes (n_terminals, 2, 2), (n_blocks, 4); diagonal ones are inverted."""
+        """Blocks (n_blocks, 4) of L and U with slopes (n_terminals, 2, 2); diagonal ones inverted."""
         blocks = self.blocks.copy()
         present = self.terminals >= 0
         np.subtract.at(blocks, self.terminals[present], slopes[present].reshape(-1, 4))
