@@ -11,10 +11,7 @@ from side_by_side import agree, cut_off, every_kind
 
 import gridfold as gf
 from gridfold.grid.dc_lines import LineControl, ThyristorEnd, ThyristorLine
-from gridfold.runs.batch import simulate_batch
 from gridfold.runs.members import Plans
-from gridfold.runs.simulate import simulate
-from gridfold.runs.trajectory import Trajectory
 
 STEPPER = gf.RungeKutta4(0.01)
 SHARES = gf.LoadModel((0.2, 0.3, 0.5))
@@ -57,6 +54,15 @@ def test_all_kinds_of_events_give_the_runs_they_have_alone(
 def test_loads_of_constant_power_alone_do_with_the_adams_rule(npcc: gf.DetailedModel) -> None:
     model = gf.build_model(npcc.case, loads=gf.LoadModel((1.0, 0.0, 0.0)))
     agree(model, every_kind(model.case), stepper=gf.AdamsBashforthMoulton4(0.01))
+
+
+def test_what_the_shared_factors_do_not_solve_runs_by_itself(
+    npcc: gf.DetailedModel, by_themselves: list[tuple[gf.Event, ...]]
+) -> None:
+    model = gf.build_model(npcc.case, loads=gf.LoadModel((1.0, 0.0, 0.0)))
+    hard, easy = [gf.BusFault(37, 0.1, 0.07)], [gf.BusFault(61, 0.1, 0.07)]
+    agree(model, [hard, easy], 0.4, STEPPER)
+    assert by_themselves == [tuple(hard)]
 
 
 def test_what_is_shed_is_shed_of_every_part_of_a_load(

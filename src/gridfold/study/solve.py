@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -16,7 +15,7 @@ from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
-from gridfold.errors import GridfoldError
+from gridfold.errors import GpuError, GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.criteria import VoltageDip, VoltageRecovery
 from gridfold.grid.events import BranchFault, BusFault, Event
@@ -28,6 +27,7 @@ from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing_time import critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.cuda import simulate_on_gpu
+from gridfold.runs.members import Outcome
 from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -52,14 +52,20 @@ class Task:
 
 #: Tasks that one worker takes together.
 Batch = tuple[Task, ...]
+#: Simulates disturbances together, as :func:`simulate_batch` does.
+RunTogether = Callable[..., Iterator[tuple[int, Outcome]]]
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What came of a task: the result, and the trajectory as a Parquet file if it is kept."""
+    """What came of a task: the result, and the trajectory as a Parquet file if it is kept.
+
+    `notices` say what kept its batch from running as it should have; a study tells each once.
+    """
 
     result: Result
     parquet: bytes | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -69,13 +75,51 @@ class Solved:
 
 @one_blas_thread
 def solve_batch(prepared: Prepared, batch: Batch) -> tuple[Solved, ...]:
-    """Simulate some contingencies, side by side where that is faster, else one after the other."""
+    """Simulate some contingencies, side by side where that is faster, else one after the other.
+
+    Raises
+    ------
+    GpuError
+        The GPU that is asked for fails.
+    """
     known: dict[int, Solved] = {}
+    notices: list[str] = []
     if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
-        # What does not go through is tried by itself, and tells there what is wrong with it.
-        with suppress(Exception):
-            known.update(_side_by_side(prepared, batch))
-    return tuple(known.get(number) or solve(prepared, task) for number, task in enumerate(batch))
+        if prepared.on_gpu:
+            notices += _on_gpu(prepared, batch, known)
+        if len(known) < len(batch) and (notices or not prepared.on_gpu):
+            notices += _on_cpu(prepared, batch, known)
+    solved = [known.get(number) or solve(prepared, task) for number, task in enumerate(batch)]
+    return (replace(solved[0], notices=tuple(notices)), *solved[1:])
+
+
+def _on_gpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[str]:
+    """Put what a GPU makes of the tasks to what is known; returns how it failed, if it did."""
+    try:
+        known.update(_side_by_side(prepared, batch, simulate_on_gpu))
+    except Exception as error:  # of the compiler or the driver, of whatever kind
+        reason = f"the GPU failed: {_in_words(error)}"
+        if prepared.gpu_only:
+            raise GpuError(f"{reason}; auto and cpu run on the CPU") from error
+        return [f"contingencies run on the CPU: {reason}"]
+    return []
+
+
+def _on_cpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[str]:
+    """Put what comes of the other tasks, side by side, to what is known; returns how that failed."""
+    left = [number for number in range(len(batch)) if number not in known]
+    try:
+        for place, solved in _side_by_side(
+            prepared, tuple(batch[number] for number in left), simulate_batch
+        ):
+            known[left[place]] = solved
+    except Exception as error:  # each is tried by itself, and tells there what is wrong with it
+        return [f"contingencies run one by one, not side by side: {_in_words(error)}"]
+    return []
+
+
+def _in_words(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
 
 
 def why_one_by_one(prepared: Prepared) -> str | None:
@@ -91,9 +135,10 @@ def why_one_by_one(prepared: Prepared) -> str | None:
     return why_single(prepared.model, prepared.method.stepper)
 
 
-def _side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
+def _side_by_side(
+    prepared: Prepared, batch: Batch, run_together: RunTogether
+) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
-    run_together = simulate_on_gpu if prepared.on_gpu else simulate_batch
     runs = run_together(
         prepared.model,
         [task.contingency.events for task in batch],
