@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from device_alone import named
@@ -13,6 +15,8 @@ import gridfold as gf
 from gridfold.grid.dc_lines import LineControl, ThyristorEnd, ThyristorLine
 from gridfold.runs.members import Plans
 
+ROOT = Path(__file__).parents[2]
+CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
 STEPPER = gf.RungeKutta4(0.01)
 SHARES = gf.LoadModel((0.2, 0.3, 0.5))
 LINE = ThyristorLine(
@@ -63,6 +67,21 @@ def test_what_the_shared_factors_do_not_solve_runs_by_itself(
     hard, easy = [gf.BusFault(37, 0.1, 0.07)], [gf.BusFault(61, 0.1, 0.07)]
     agree(model, [hard, easy], 0.4, STEPPER)
     assert by_themselves == [tuple(hard)]
+
+
+def test_loads_without_a_solution_end_a_run_as_it_ends_alone(
+    by_themselves: list[tuple[gf.Event, ...]],
+) -> None:
+    raw, dyr = (CASES / "kundur" / name for name in ("kundur.raw", "kundur_full.dyr"))
+    if not raw.exists():
+        pytest.skip(f"{raw} is absent; GRIDFOLD_CASES names the folder of public cases")
+    case = gf.load_case(raw, dyr, unsupported="drop")
+    model = gf.build_model(case, on_limit="adjust", loads=gf.LoadModel((1.0, 0.0, 0.0)))
+    bus = case.buses[7].number
+    disturbances = [[gf.BusFault(bus, 0.1, duration)] for duration in (0.05, 0.4)]
+    runs = agree(model, disturbances, 2.0, gf.RungeKutta4(0.005))
+    assert [run.status.value for run in runs] == ["completed", "not finite"]
+    assert tuple(disturbances[1]) in by_themselves
 
 
 def test_what_is_shed_is_shed_of_every_part_of_a_load(
