@@ -37,11 +37,13 @@ class Grid:
     source: str
     buses: str
     method: str = "auto"
+    loads: str = "z"
 
 
 GRIDS = (
     Grid("NPCC", "npcc", "1-140"),
     Grid("NPCC, abm4", "npcc", "1-140", "abm4"),
+    Grid("NPCC, loads 0.2,0.2,0.6", "npcc", "1-140", loads="0.2,0.2,0.6"),
     Grid("Polish", str(CASES / "polish" / "Data_POLISH.mat"), "1-64"),
 )
 
@@ -71,7 +73,7 @@ def timed(grid: Grid, batch: str) -> Timed:
     study = parse_study(
         {
             "schema": 1,
-            "case": {"source": grid.source},
+            "case": {"source": grid.source, "loads": grid.loads},
             "contingencies": {"bus_faults": grid.buses},
             "model": {"kind": "detailed"},
             "run": {"batch": batch, "method": grid.method},

@@ -2,8 +2,8 @@
 
 Members of a batch stand side by side, in groups of :data:`WIDTH`. What is done to all of them is
 written once, on values of the type :class:`Lanes`, and does not depend on whether a compiler finds
-out that a loop is a vector. Lanes are added, subtracted and multiplied like numbers, with each
-other or with one number.
+out that a loop is a vector. Lanes are added, subtracted, multiplied and divided like numbers, with
+each other or with one number.
 """
 
 from __future__ import annotations
@@ -84,6 +84,7 @@ def _operation(operation: Any, name: str) -> None:
 _operation(operator.add, "fadd")
 _operation(operator.sub, "fsub")
 _operation(operator.mul, "fmul")
+_operation(operator.truediv, "fdiv")
 
 
 def _spread(builder: Any, value: Any) -> Any:
@@ -137,15 +138,20 @@ def _all(typing_context, value):
     return LANES(types.float64), generate
 
 
-def _size(typing_context, value):
-    def generate(context, builder, signature, values):
-        module = builder.module
-        absolute = cgutils.get_or_insert_function(
-            module, ir.FunctionType(_VECTOR, [_VECTOR]), f"llvm.fabs.v{WIDTH}f64"
-        )
-        return builder.call(absolute, values)
+def _of_each(name: str) -> Any:
+    """A function of LLVM that takes each of eight numbers."""
 
-    return LANES(LANES), generate
+    def typer(typing_context, value):
+        def generate(context, builder, signature, values):
+            kind = ir.FunctionType(_VECTOR, [_VECTOR])
+            function = cgutils.get_or_insert_function(
+                builder.module, kind, f"llvm.{name}.v{WIDTH}f64"
+            )
+            return builder.call(function, values)
+
+        return LANES(LANES), generate
+
+    return typer
 
 
 def _beyond(typing_context, value, limit):
@@ -171,7 +177,9 @@ store_lanes: Any = intrinsic(_store)
 #: ``all_lanes(number)``: the same number in all lanes.
 all_lanes: Any = intrinsic(_all)
 #: ``size_lanes(value)``: magnitudes.
-size_lanes: Any = intrinsic(_size)
+size_lanes: Any = intrinsic(_of_each("fabs"))
+#: ``root_lanes(value)``: square roots.
+root_lanes: Any = intrinsic(_of_each("sqrt"))
 #: ``beyond_lanes(value, limit)``: 1 where `value` is above `limit`, or one is not a number; else 0.
 beyond_lanes: Any = intrinsic(_beyond)
 #: ``where_less(a, b, yes, no)``: `yes` where `a` is below `b`, else `no`.

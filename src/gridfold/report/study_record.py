@@ -164,7 +164,7 @@ def _beyond(checked: pd.DataFrame, tolerance_deg: float | None) -> list[str]:
 def _warnings(about: Mapping[str, Any]) -> Record:
     settings = about["settings"]
     kinds = ("method_doubts", "warnings", "data_doubts", "limits_moved", "case_notices")
-    others = [item for kind in kinds for item in settings.get(kind, ())]
+    others = [item for kind in kinds for item in settings.get(kind, ())] + about.get("notices", [])
     return {
         "validated": settings["validated"],
         "replacements": [

@@ -109,8 +109,9 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     facts |= _evidence(settings, frame)
     if not settings["validated"]:
         facts["Not validated"] = _why_not_validated(settings)
-    for name, key in (("Warnings", "warnings"), ("Unusual data", "data_doubts")):
-        if lines := settings.get(key):
+    warnings = (*settings.get("warnings", ()), *about.get("notices", ()))
+    for name, lines in (("Warnings", warnings), ("Unusual data", settings.get("data_doubts", ()))):
+        if lines:
             facts[f"{name} ({len(lines)})"] = as_lines(shortened(lines, 1))
     if outcome is not None:
         facts["Time"] = f"{outcome.seconds:.1f} s with {outcome.workers}"

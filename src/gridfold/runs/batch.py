@@ -42,8 +42,6 @@ def why_single(model: DetailedModel, stepper: Stepper) -> str | None:
     """Why runs of a model do not go side by side; None if they do."""
     if not isinstance(stepper, RungeKutta4 | AdamsBashforthMoulton4):
         return f"the method {stepper.name} solves equations of its own in every step"
-    if model.injections.nonlinear is not None:
-        return "loads that are no impedances need iterations of their own in every step"
     return None
 
 
@@ -193,7 +191,7 @@ class _SideBySide:
         model = self.model = plans.model
         width = WIDTH
         self.seats: list[_Seat | None] = [None] * width
-        self.ended: deque[tuple[int, Trajectory]] = deque()
+        self.ended: deque[tuple[int, Outcome]] = deque()
         self.watched: list[tuple[Stop, ...] | None] = [None] * width
         rank = max(0 if c is None else len(c.buses) for m in ready for c in m.changes)
         own = any(not _same_network(m.basis, model) for m in ready)
@@ -218,7 +216,7 @@ class _SideBySide:
             self._rest(column)
         self.stepping, self.steps = 0.0, 0
 
-    def next(self) -> tuple[int, Trajectory] | None:
+    def next(self) -> tuple[int, Outcome] | None:
         """The next run that ends, with the number of its disturbance; None when all have."""
         self._fill()
         while not self.ended and any(self.seats):
@@ -255,7 +253,7 @@ class _SideBySide:
         if done and self.voltages is not None:
             columns.look()
         for column, seat in done:
-            self.ended.append((seat.member.number, self._trajectory(column, seat)))
+            self.ended.append((seat.member.number, self._outcome(column, seat)))
             self._rest(column)
         for column, seat in there:
             if self.seats[column] is seat:
@@ -298,7 +296,7 @@ class _SideBySide:
         if self.layouts[column] is not system.layout:
             self.layouts[column] = system.layout
             self.rhs.settle(column, system.layout)
-        self.rhs.put(column, change, system.state.units_out)
+        self.rhs.put(column, change, system.state.units_out, system.injections.nonlinear)
         if self.voltages is not None:
             self.voltages.put(column, change)
         watches = [stop.watch for stop in stops if isinstance(stop.watch, SpreadWatch)]
@@ -307,6 +305,17 @@ class _SideBySide:
             self.angles.put(column, apart)
             self.speeds.put(column, fast)
             self.watched[column] = stops
+
+    def _outcome(self, column: int, seat: _Seat) -> Outcome:
+        """What came of a member that is over.
+
+        Loads for which no voltages were found are tried by themselves: a run alone has other factors
+        for each of its networks, and says what is wrong.
+        """
+        lost = self.columns.verdict[column] == NOT_FINITE
+        if lost and self.model.injections.nonlinear is not None:
+            return seat.member.plans.alone(seat.member.events)
+        return self._trajectory(column, seat)
 
     def _trajectory(self, column: int, seat: _Seat) -> Trajectory:
         """The run of a member that is over."""

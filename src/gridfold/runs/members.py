@@ -102,8 +102,6 @@ class _Basis:
         as_before = system.layout is intact.layout
         if not as_before and not (settings and system.layout.has_places_of(intact.layout)):
             return None
-        if system.injections.nonlinear is not None:
-            return None
         index, out = system.case.bus_index, system.state.units_out
         live = [index[unit.bus] for unit in system.layout.source_units if unit not in out]
         change = self.changes.change(system.equations, live)
@@ -150,9 +148,14 @@ class Plans:
         """A disturbance as a member, or what came of it where it had to run by itself."""
         try:
             member = self.member(number, events)
-            if member is not None:
-                return member
-            stepper = self.method.stepper
+            return self.alone(events) if member is None else member
+        except GridfoldError as error:
+            return error
+
+    def alone(self, events: tuple[Event, ...]) -> Outcome:
+        """What comes of a disturbance by itself."""
+        stepper = self.method.stepper
+        try:
             return simulate(self.model, events, self.t_end, stepper, self.criterion, self.store)
         except GridfoldError as error:
             return error
@@ -186,11 +189,16 @@ class Plans:
         )
 
     def _basis(self, start: DetailedModel) -> _Basis | None:
-        """The basis of runs from the equilibrium of `start`; None where it has other places."""
+        """The basis of runs from the equilibrium of `start`; None where it has other places.
+
+        Loads that are no impedances have those of one operating point for all members.
+        """
         known = next((basis for basis in self._bases if basis.model is start), None)
         if self.places is None:
             return known
-        if start is not self.places and start.injections.nonlinear is not None:
+        models = (start, self.places)
+        loaded = any(model.injections.nonlinear is not None for model in models)
+        if start is not self.places and loaded:
             return None
         if not start.has_places_of(self.places):
             return None

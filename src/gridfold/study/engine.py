@@ -111,7 +111,8 @@ def run_study(
     Raises
     ------
     GridfoldError
-        The study does not fit, or the results cannot be written. What was written stays.
+        The study does not fit, the GPU that is asked for fails, or the results cannot be written. What
+        was written stays.
     """
     began = time.monotonic()
     path = None if isinstance(study, Study) else Path(study)
@@ -136,7 +137,9 @@ def run_study(
         offline, contingencies = _offline(wanted, named, count, earlier, time_limit)
         prepared = prepare(offline)
         on_gpu, words = choose_device(asked, prepared, contingencies)
-        offline, prepared = replace(offline, on_gpu=on_gpu), replace(prepared, on_gpu=on_gpu)
+        only = on_gpu and asked is RunsOn.CUDA
+        offline = replace(offline, on_gpu=on_gpu, gpu_only=only)
+        prepared = replace(prepared, on_gpu=on_gpu, gpu_only=only)
         count = None if count is None else min(count, max(len(contingencies), 1))
         # Proved before anything is written: workers that do not start leave nothing behind.
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gridfold.errors import OptionError
+from gridfold.errors import GpuError, OptionError
 from gridfold.grid.events import EVENTS, Redispatch, SetParameter
 from gridfold.numerics.cuda_device import simulated, why_no_gpu
 from gridfold.runs.cuda import simulate_on_gpu, why_not_on_gpu
@@ -40,6 +40,11 @@ def choose_device(
     """Whether contingencies run on a GPU, and what is to be said of that.
 
     A GPU is taken with ``auto`` too, if one is there; a simulated one only if it is asked for.
+
+    Raises
+    ------
+    GpuError
+        A GPU is asked for, and fails when it is tried.
     """
     if asked is RunsOn.CPU:
         return False, ()
@@ -47,7 +52,8 @@ def choose_device(
         return False, ()
     stepper = prepared.method.stepper
     reason = why_one_by_one(prepared) or why_not_on_gpu(prepared.model, stepper)
-    reason = reason or _trial(prepared)
+    if reason is None and (reason := _trial(prepared)) is not None and asked is RunsOn.CUDA:
+        raise GpuError(f"device cuda: the GPU failed: {reason}; auto and cpu run on the CPU")
     if reason is not None:
         return False, (f"contingencies run on the CPU, not on a GPU: {reason}",)
     alone = sorted(

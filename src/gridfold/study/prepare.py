@@ -94,8 +94,8 @@ class Offline:
         SHA-256 of the sources of gridfold.
     time_limit : float, optional
         Longest time for one contingency in seconds.
-    on_gpu : bool
-        Whether contingencies run on a GPU.
+    on_gpu, gpu_only : bool
+        Whether contingencies run on a GPU, and whether they end where that fails.
     """
 
     study: Study
@@ -110,6 +110,7 @@ class Offline:
     sources: str = SOURCES
     time_limit: float | None = None
     on_gpu: bool = False
+    gpu_only: bool = False
 
     @cached_property
     def token(self) -> str:
@@ -122,6 +123,7 @@ class Offline:
             sorted(self.study_buses),
             self.time_limit,
             self.on_gpu,
+            self.gpu_only,
         )
         digest.update(repr(chosen).encode())
         digest.update(self.reduced or b"")
@@ -152,6 +154,7 @@ class Prepared:
     columns: Columns | None = None
     criteria: tuple[Criterion, ...] = ()
     on_gpu: bool = False
+    gpu_only: bool = False
 
     @property
     def study_machines(self) -> tuple[UnitKey, ...]:
@@ -316,6 +319,7 @@ def prepare(offline: Offline) -> Prepared:
         columns,
         criteria_of(study.criteria),
         offline.on_gpu,
+        offline.gpu_only,
     )
 
 

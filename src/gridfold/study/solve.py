@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
-from gridfold.errors import GridfoldError
+from gridfold.errors import GpuError, GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.criteria import VoltageDip, VoltageRecovery
 from gridfold.grid.events import Event
@@ -28,6 +28,7 @@ from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing import ClearingTime, critical_clearing_time
 from gridfold.runs.criteria import Finding, Verdict, judge
 from gridfold.runs.cuda import simulate_on_gpu
+from gridfold.runs.members import Outcome
 from gridfold.runs.monitor import Columns
 from gridfold.runs.simulate import ModelStore, simulate
 from gridfold.runs.synchronism import SynchronismCriterion
@@ -53,14 +54,22 @@ class Task:
 
 #: Tasks that one worker takes together.
 Batch = tuple[Task, ...]
+#: Simulates disturbances together, as :func:`simulate_batch` does.
+RunTogether = Callable[..., Iterator[tuple[int, Outcome]]]
+#: The model of each task, at an operating point of its own; None where it is that of the study.
+Models = Sequence[DetailedModel] | None
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What came of a task: the result, and the trajectory as a Parquet file if it is kept."""
+    """What came of a task: the result, and the trajectory as a Parquet file if it is kept.
+
+    `notices` say what kept its batch from running as it should have; a study tells each once.
+    """
 
     result: Result
     parquet: bytes | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -69,30 +78,69 @@ class Solved:
 
 
 @one_blas_thread
-def solve_batch(
-    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None = None
-) -> tuple[Solved, ...]:
+def solve_batch(prepared: Prepared, batch: Batch, models: Models = None) -> tuple[Solved, ...]:
     """Simulate some contingencies, side by side where that is faster, else one after the other.
 
     `models` are the model of each, at an operating point of its own; by default that of the study.
+
+    Raises
+    ------
+    GpuError
+        The GPU that is asked for fails.
     """
     known: dict[int, Solved] = {}
+    notices: list[str] = []
     if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
-        # What does not go through is tried by itself, and tells there what is wrong with it.
-        with suppress(Exception):
-            known.update(_side_by_side(prepared, batch, models))
-    return tuple(
+        if prepared.on_gpu and models is None:
+            notices += _on_gpu(prepared, batch, known)
+        if len(known) < len(batch) and (notices or models is not None or not prepared.on_gpu):
+            notices += _on_cpu(prepared, batch, models, known)
+    solved = [
         known.get(number) or solve(_at(prepared, models, number), task)
         for number, task in enumerate(batch)
-    )
+    ]
+    told = [replace(first, notices=tuple(notices)) for first in solved[:1]]
+    return (*told, *solved[1:])
 
 
-def _at(prepared: Prepared, models: Sequence[DetailedModel] | None, number: int) -> Prepared:
+def _at(prepared: Prepared, models: Models, number: int) -> Prepared:
     """The study at the operating point of one of its tasks."""
     if models is None:
         return prepared
     model = models[number]
     return replace(prepared, model=model, intact={model.state: model})
+
+
+def _on_gpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[str]:
+    """Put what a GPU makes of the tasks to what is known; returns how it failed, if it did."""
+    try:
+        known.update(_side_by_side(prepared, batch, None, simulate_on_gpu))
+    except Exception as error:  # of the compiler or the driver, of whatever kind
+        reason = f"the GPU failed: {_in_words(error)}"
+        if prepared.gpu_only:
+            raise GpuError(f"{reason}; auto and cpu run on the CPU") from error
+        return [f"contingencies run on the CPU: {reason}"]
+    return []
+
+
+def _on_cpu(
+    prepared: Prepared, batch: Batch, models: Models, known: dict[int, Solved]
+) -> list[str]:
+    """Put what comes of the other tasks, side by side, to what is known; returns how that failed."""
+    left = [number for number in range(len(batch)) if number not in known]
+    tasks = tuple(batch[number] for number in left)
+    own = None if models is None else [models[number] for number in left]
+    run_together = simulate_batch if own is None else partial(simulate_batch, models=own)
+    try:
+        for place, solved in _side_by_side(prepared, tasks, own, run_together):
+            known[left[place]] = solved
+    except Exception as error:  # each is tried by itself, and tells there what is wrong with it
+        return [f"contingencies run one by one, not side by side: {_in_words(error)}"]
+    return []
+
+
+def _in_words(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
 
 
 def why_one_by_one(prepared: Prepared) -> str | None:
@@ -109,22 +157,19 @@ def why_one_by_one(prepared: Prepared) -> str | None:
 
 
 def _side_by_side(
-    prepared: Prepared, batch: Batch, models: Sequence[DetailedModel] | None
+    prepared: Prepared, batch: Batch, models: Models, run_together: RunTogether
 ) -> Iterator[tuple[int, Solved]]:
     """What comes of the tasks of a batch that ran together, by their places in it."""
     disturbances = [task.contingency.events for task in batch]
-    every_state = _looks_at_every_state(prepared)
-    rest = (
+    runs = run_together(
+        prepared.model,
+        disturbances,
         prepared.study.run.t_end,
         prepared.method.stepper,
         prepared.criterion,
         dict(prepared.intact),
-        every_state,
+        every_state=_looks_at_every_state(prepared),
     )
-    if models is None and prepared.on_gpu:
-        runs = simulate_on_gpu(prepared.model, disturbances, *rest)
-    else:
-        runs = simulate_batch(prepared.model, disturbances, *rest, models)
     times = clearing_times(prepared, disturbances, models)
     for number, run in runs:
         if isinstance(run, Trajectory):

@@ -13,7 +13,7 @@ from threading import Event
 from typing import Any
 
 from gridfold.cards import Card
-from gridfold.errors import OptionError
+from gridfold.errors import GpuError, OptionError
 from gridfold.io.results import replacing
 from gridfold.io.study_store import StudyStore
 from gridfold.study.solve import Batch, Solved, failed
@@ -57,7 +57,8 @@ class Progress:
     message : str
         What there is to say.
     warnings : tuple of str
-        Dynamic data of no unit and an unstable start, told once before the first contingency.
+        Dynamic data of no unit and an unstable start, told once before the first contingency; what
+        keeps contingencies from running side by side, or on a GPU, told once when it happens.
     """
 
     stage: Stage
@@ -144,6 +145,7 @@ class Work:
         self.counts = {"stable": 0, "unstable": 0, "failed": 0}
         self.counts |= Counter(_verdicts(store).values())
         self.here = 0
+        self.notices = list(store.identity.get("notices", ()))
         self.started = time.monotonic()
 
     def run(self, stop: Event) -> Stage:
@@ -153,6 +155,8 @@ class Work:
         ------
         OptionError
             The workers take no tasks, or end before the first result.
+        GpuError
+            The GPU that is asked for fails.
         """
         try:
             for what, batches in self.rounds:
@@ -233,6 +237,8 @@ class Work:
         alone, self.alone = self.alone is future, None
         try:
             found = future.result()
+        except GpuError:
+            raise
         except Exception as error:  # the worker, or the way to it, not the contingency
             self._suspect(batch, alone, f"{type(error).__name__}: {error}")
             found = ()
@@ -262,6 +268,7 @@ class Work:
                 with replacing(self.store.folder / "trajectories" / name) as temporary:
                     temporary.write_bytes(solved.parquet)
         self.store.add([solved.result for solved in batch], again=self.redone)
+        self._note(notice for solved in batch for notice in solved.notices)
         for solved in batch:
             number = solved.result.number
             self.left.discard(number)
@@ -271,6 +278,14 @@ class Work:
             self.here += 1
             latest = {"number": number, "name": self.names[number], **solved.figures}
             self._tell(Stage.RUNNING, latest)
+
+    def _note(self, notices: Iterable[str]) -> None:
+        """Tell and keep what was not told before."""
+        new = tuple(dict.fromkeys(notice for notice in notices if notice not in self.notices))
+        if new:
+            self.notices += new
+            self.store.tell("notices", self.notices)
+            self._tell(Stage.RUNNING, warnings=new)
 
     def _spoils(self, solved: Solved) -> bool:
         """Whether a failure would take the place of a row that is there: the row stays."""
@@ -291,7 +306,11 @@ class Work:
             self._take(done)
 
     def _tell(
-        self, stage: Stage, latest: Mapping[str, Any] | None = None, message: str = ""
+        self,
+        stage: Stage,
+        latest: Mapping[str, Any] | None = None,
+        message: str = "",
+        warnings: tuple[str, ...] = (),
     ) -> None:
         now = time.monotonic()
         rate = self.here / (now - self.started) if self.here else 0.0
@@ -307,6 +326,7 @@ class Work:
                 rate,
                 latest,
                 message,
+                warnings,
             )
         )
 

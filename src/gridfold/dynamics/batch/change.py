@@ -42,6 +42,8 @@ class NetworkChange:
         Positions of the buses that a fault holds at zero voltage.
     dead : ndarray of int
         Positions of the buses that are de-energized, and are not in the intact network.
+    difference : ndarray of complex, shape (k, k)
+        D between the last k buses of S; the first ones are those that are held.
     """
 
     buses: NDArray[np.int64]
@@ -49,6 +51,7 @@ class NetworkChange:
     caused: NDArray[np.complex128]
     zero: NDArray[np.int64]
     dead: NDArray[np.int64]
+    difference: NDArray[np.complex128]
 
 
 @dataclass
@@ -152,7 +155,7 @@ class NetworkChanges:
             return None
         if not np.isfinite(drawn).all():
             return None
-        return NetworkChange(buses, drawn, caused, zero, dead)
+        return NetworkChange(buses, drawn, caused, zero, dead, difference)
 
     def _seen(self, voltages: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         """Voltages (n_live,) at the terminals, (k, n_terminals)."""

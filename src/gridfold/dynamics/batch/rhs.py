@@ -26,10 +26,12 @@ from gridfold.dynamics.batch.factors import (
     solve_group,
     take_voltages,
 )
+from gridfold.dynamics.batch.loads import BatchLoads, batch_loads, solve_with_loads
 from gridfold.dynamics.device import Kernel, batch_derivative, batch_kernel
 from gridfold.dynamics.layout import Block, Layout
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.network.backend import CompiledNetwork
+from gridfold.dynamics.network.loads import NonlinearLoads
 from gridfold.dynamics.rhs import (
     CONSTANTS_AT,
     HEADER_SIZE,
@@ -66,8 +68,10 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
     CAUSED_AT,
     COMPENSATING_AT,
     GROUP_REALS,
-) = range(HEADER_SIZE, HEADER_SIZE + 13)
-_SIZE = HEADER_SIZE + 13
+    LOADS_AT,
+    LOAD_REALS_AT,
+) = range(HEADER_SIZE, HEADER_SIZE + 15)
+_SIZE = HEADER_SIZE + 15
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,8 @@ class BatchRhs:
         Where the factors of the intact network have entries.
     own_networks : bool
         Whether the intact network of each member is another one.
+    loads : BatchLoads, optional
+        Loads that are no impedances.
     """
 
     model: DetailedModel
@@ -98,6 +104,7 @@ class BatchRhs:
     factors: ColumnFactors
     own_networks: bool
     _parameters_at: tuple[int, ...]
+    loads: BatchLoads | None = None
 
     def seat(self, member: int, model: DetailedModel) -> None:
         """From now on `member` has the parameters, set points and intact network of `model`.
@@ -122,14 +129,27 @@ class BatchRhs:
             columns.reshape(*values.shape, self.members)[:, :, member] = values
 
     def put(
-        self, member: int, change: NetworkChange | None, units_out: Collection[UnitKey]
+        self,
+        member: int,
+        change: NetworkChange | None,
+        units_out: Collection[UnitKey],
+        loads: NonlinearLoads | None = None,
     ) -> None:
-        """From now on `member` is on the network with `change`, without `units_out`."""
+        """From now on `member` is on the network with `change`, without `units_out`.
+
+        `loads` are those of its network state that are no impedances, by default those of the model.
+        """
         integers, layout = self.compiled.integers, self.model.layout
         live = self._reals(LIVE_AT, (len(layout.sources), self.members))
         live[:, member] = 1.0
         if units_out:
             live[:, member] = [unit not in units_out for unit in layout.source_units]
+        self._freeze(member, units_out)
+        if self.loads is not None:
+            own = loads or self.model.injections.nonlinear
+            assert own is not None
+            self.loads.put(member, change, own)
+            return
         rank = 0 if change is None else len(change.buses)
         groups = self.members // WIDTH
         ranks = integers[integers[RANKS_AT] :][: self.members + groups]
@@ -146,7 +166,6 @@ class BatchRhs:
             caused[:rank, :, 0, member], caused[:rank, :, 1, member] = (
                 change.caused.T.real, change.caused.T.imag,
             )  # fmt: skip
-        self._freeze(member, units_out)
 
     def _freeze(self, member: int, units_out: Collection[UnitKey]) -> None:
         integers, count = self.compiled.integers, self.compiled.integers[N_FROZEN]
@@ -171,7 +190,8 @@ def batch_rhs(
     layout = model.layout
     wide = _side_by_side(layout, members)
     factors = column_factors(model.equations, every_bus=False)
-    scratch = factors.n_rows * ROW
+    loads = batch_loads(model, members, rank)
+    scratch = factors.n_rows * ROW if loads is None else loads.scratch_size
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
     constants = np.repeat(model.constants, members)
     derivatives = {block.device.derivative for block in layout.blocks}
@@ -188,8 +208,9 @@ def batch_rhs(
     header[LIVE_AT] = reals.add(np.ones((len(layout.sources), members)))
     header[RANKS_AT] = integers.add(np.zeros(groups + members))
     header[FROZEN_AT] = integers.add(np.zeros(layout.n_states * members))
-    header[DRAWN_AT] = reals.add(np.zeros((rank, n, 2, members)))
-    header[CAUSED_AT] = reals.add(np.zeros((rank, n, 2, members)))
+    linear_rank = rank if loads is None else 0
+    header[DRAWN_AT] = reals.add(np.zeros((linear_rank, n, 2, members)))
+    header[CAUSED_AT] = reals.add(np.zeros((linear_rank, n, 2, members)))
     header[FACTOR_REALS_AT] = reals.add(
         factors.spread(model.equations, members)
         if own_networks
@@ -197,6 +218,9 @@ def batch_rhs(
     )
     header[GROUP_REALS] = factors.n_values * WIDTH if own_networks else 0
     header[COMPENSATING_AT] = data.work_size
+    if loads is not None:
+        header[LOADS_AT] = integers.add(loads.integers)
+        header[LOAD_REALS_AT] = reals.add(loads.reals)
     compiled = CompiledRhs(
         _compiled().address,
         np.concatenate([header, integers.join()]),
@@ -204,7 +228,10 @@ def batch_rhs(
         data.work_size + 2 * rank * members,
         layout.n_states * members,
     )
-    return BatchRhs(model, compiled, members, rank, factors, own_networks, data.parameters_at)
+    if loads is not None:
+        loads = loads.inside(compiled, int(header[LOADS_AT]), int(header[LOAD_REALS_AT]))
+    parameters_at = data.parameters_at
+    return BatchRhs(model, compiled, members, rank, factors, own_networks, parameters_at, loads)
 
 
 def kernel_parameters(block: Block) -> NDArray[np.float64]:
@@ -272,6 +299,11 @@ def _solve(integers, reals, work):
     currents = work[integers[N_SIGNALS] :]
     voltages = work[integers[N_SIGNALS] - 2 * n :]
     scratch = work[integers[SCRATCH_AT] :]
+    if integers[LOADS_AT]:
+        own, values = integers[integers[LOADS_AT] :], reals[integers[LOAD_REALS_AT] :]
+        compensating = work[integers[COMPENSATING_AT] :]
+        solve_with_loads(own, values, members, currents, voltages, compensating, scratch)
+        return
     factors, values = integers[integers[FACTORS_AT] :], reals[integers[FACTOR_REALS_AT] :]
     group_reals = integers[GROUP_REALS]
     for group in range(members // WIDTH):

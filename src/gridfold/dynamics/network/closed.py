@@ -60,12 +60,12 @@ class ClosedNetworks:
         return real_form(self.equations.terminal_impedance())
 
     @cached_property
-    def _tree(self) -> _Tree:
-        return _elimination(self.equations)
+    def _tree(self) -> Elimination:
+        return eliminated(self.equations)
 
 
 @dataclass(frozen=True)
-class _Tree:
+class Elimination:
     """Nodes in order of elimination, and the places of their blocks.
 
     Blocks are numbered: first those on the diagonal, then those below it by columns, then those
@@ -79,12 +79,17 @@ class _Tree:
     targets: NDArray[np.int64]
     blocks: NDArray[np.float64]
 
-    def compiled(self, slopes: NDArray[np.float64]) -> CompiledNetwork:
-        """The factors with slopes (n_terminals, 2, 2), compiled into two triangular solves."""
+    def factored(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Blocks (n_blocks, 4) of L and U with slopes (n_terminals, 2, 2); diagonal ones inverted."""
         blocks = self.blocks.copy()
         present = self.terminals >= 0
         np.subtract.at(blocks, self.terminals[present], slopes[present].reshape(-1, 4))
         _factor(self.starts, self.nodes, self.targets, blocks)
+        return blocks
+
+    def compiled(self, slopes: NDArray[np.float64]) -> CompiledNetwork:
+        """The factors with slopes (n_terminals, 2, 2), compiled into two triangular solves."""
+        blocks = self.factored(slopes)
         n, size = len(self.terminals), len(self.starts) - 1
         return CompiledNetwork(
             _compiled().address,
@@ -94,7 +99,7 @@ class _Tree:
         )
 
 
-def _elimination(equations: NetworkEquations) -> _Tree:
+def eliminated(equations: NetworkEquations) -> Elimination:
     """The network without the nodes on no path from a terminal to the root."""
     factors, present = equations.factors, equations.terminals >= 0
     lower, upper = csc_array(factors.L), csc_array(factors.U)
@@ -111,7 +116,7 @@ def _elimination(equations: NetworkEquations) -> _Tree:
     values = entries.data
     blocks = np.zeros((len(below) + 2 * len(nodes), 4))
     blocks[at] = np.stack([values.real, -values.imag, values.imag, values.real], axis=1)
-    return _Tree(terminals, starts, nodes, _targets(starts, nodes), blocks)
+    return Elimination(terminals, starts, nodes, _targets(starts, nodes), blocks)
 
 
 def _fill(pattern: csc_array) -> list[NDArray[np.int64]]:

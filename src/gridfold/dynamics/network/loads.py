@@ -35,7 +35,7 @@ from gridfold.powerflow.injections import dc_power
 from gridfold.powerflow.result import PowerFlowResult
 
 #: Change of a voltage in p.u. at which the iteration ends, and the most iterations.
-_TOLERANCE, _ITERATIONS = 1e-12, 300
+TOLERANCE, ITERATIONS = 1e-12, 300
 #: Exponent of an impedance; numbers of a load in the data of the solver beside its terms, that is its
 #: admittance (2), J (4) and initial voltage; size of the header.
 _IMPEDANCE, _FIXED, _HEADER = 2.0, 7, 6
@@ -359,7 +359,7 @@ def _iterate(integers, reals, currents, voltages, scratch, part):
     inner_at = terms + row_size * count + 2 * n
     inner_reals = reals[inner_at : inner_at + integers[5]]
     total, before, rest = scratch[: 2 * n], scratch[2 * n : 4 * n], scratch[4 * n :]
-    for _ in range(int(_ITERATIONS / part)):
+    for _ in range(int(ITERATIONS / part)):
         for t in range(2 * n):
             total[t] = currents[t]
             before[t] = voltages[t]
@@ -375,7 +375,7 @@ def _iterate(integers, reals, currents, voltages, scratch, part):
         change = 0.0
         for t in range(2 * n):
             change = max(change, abs(voltages[t] - before[t]))
-        if change <= _TOLERANCE:
+        if change <= TOLERANCE:
             return True
         if not change < 1e3:
             return False
