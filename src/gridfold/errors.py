@@ -11,6 +11,7 @@
     ├── PowerFlowError        the power flow has no solution, or none was found
     ├── InitializationError   the dynamic model has no equilibrium at the power-flow solution
     ├── NetworkError          the network equations of one network state cannot be solved
+    ├── GpuError              a GPU does not take the runs that it is given
     ├── TimeLimitError        something took longer than it was allowed
     └── OutputError           a result cannot be written
 
@@ -121,6 +122,10 @@ class InitializationError(GridfoldError):
 
 class NetworkError(GridfoldError):
     """The network equations of one network state cannot be solved."""
+
+
+class GpuError(GridfoldError):
+    """A GPU does not take what it is given: it cannot be compiled for it, has no room, or fails."""
 
 
 class TimeLimitError(GridfoldError):
