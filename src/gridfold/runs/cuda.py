@@ -56,8 +56,8 @@ def simulate_on_gpu(
 ) -> Iterator[tuple[int, Outcome]]:
     """Simulate disturbances on a GPU, from the equilibrium at t = 0.
 
-    Parameters and results are those of :func:`gridfold.simulate_batch`, and two more. A disturbance that
-    cannot go side by side with others runs on the CPU, in double precision.
+    Parameters and results are those of :func:`gridfold.simulate_batch`, and two more. A disturbance
+    that cannot go side by side with others runs on the CPU, in double precision.
 
     Parameters
     ----------

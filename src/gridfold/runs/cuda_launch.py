@@ -46,7 +46,7 @@ class Launch:
 
     def __post_init__(self) -> None:
         model = self.plans.model
-        self.shared = model_arrays(model, self.kept) | self.network.arrays()
+        self.shared = model_arrays(model, self.kept) | self.network.arrays
         self.on = energized(model)
         units = [len(block.units) for block in model.layout.blocks]
         self.threads = min(max(*units, len(model.layout.terminals)), _THREADS)
@@ -57,7 +57,7 @@ class Launch:
         changes = (change for change in member.changes if change is not None)
         changed = sum(self.network.change_size(len(change.buses)) for change in changes)
         kept = len(member.times) * len(self.kept) + 3 * layout.n_states + layout.n_signals
-        return 8 * (kept + changed + self.network.room)
+        return 8 * (kept + changed + self.network.room * self.network.own)
 
     def runs(self, members: Sequence[Member]) -> Iterator[tuple[int, Trajectory]]:
         """Step the members, and yield what came of them with their numbers."""
@@ -67,7 +67,7 @@ class Launch:
         own, room = _vector_numbers(model, arrays["drawn"].shape[3]), self.network.room
         item = np.dtype(self.precision.number).itemsize
         in_shared = item * (own + room) <= _SHARED
-        results = self._results(members) | self.network.scratch(len(members), in_shared)
+        results = self._results(members) | self.network.vectors(len(members), in_shared)
         given = self.precision.rounded(arrays | results)
         text = self.network.text(in_shared)
         kernel = compiled_step(device_models(model.layout), text, self.precision)

@@ -122,7 +122,8 @@ def _side_by_side(
         every_state,
     )
     if models is None and prepared.on_gpu:
-        runs = simulate_on_gpu(prepared.model, disturbances, *rest)
+        precision = prepared.study.run.precision
+        runs = simulate_on_gpu(prepared.model, disturbances, *rest, precision)
     else:
         runs = simulate_batch(prepared.model, disturbances, *rest, models)
     times = clearing_times(prepared, disturbances, models)

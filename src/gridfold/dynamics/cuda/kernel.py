@@ -48,7 +48,7 @@ def step_runs({arguments}):
     n, n_buses, n_states = len(sources_at) - 1, bus_kind.shape[1], frozen.shape[1]
     signals, x, total, slope = signals_of[run], states_of[run, 0], states_of[run, 1], states_of[run, 2]
     voltages, most = len(start) - 2 * n, drawn.shape[3]
-    # Shared by the threads of a run: currents, compensating currents, what was found, and the network's.
+    # Shared by the threads of a run: currents, compensating currents, what was found, the network's.
     shared = cuda.shared.array(0, real)
     compensating = 2 * n
     found = compensating + 2 * most

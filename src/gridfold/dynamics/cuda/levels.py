@@ -1,9 +1,9 @@
 """Sparse factors in levels: the rows of a level wait for those of earlier levels alone.
 
-A block of threads takes the rows of a level at once (Anderson & Saad, Solving sparse triangular linear
-systems on parallel computers, Int. J. High Speed Computing 1, 1989). Factors of power networks end in a
-long chain of levels with one or two rows each. That tail is solved by the inverse of its matrix, where no
-row waits for another one.
+A block of threads takes the rows of a level at once (Anderson & Saad, Solving sparse triangular
+linear systems on parallel computers, Int. J. High Speed Computing 1, 1989). Factors of power networks
+end in a long chain of levels with one or two rows each. That tail is solved by the inverse of its
+matrix, where no row waits for another one.
 """
 
 from __future__ import annotations

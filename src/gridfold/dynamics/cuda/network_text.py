@@ -34,16 +34,10 @@ class NetworkText:
 
 def full_network(in_shared: bool) -> NetworkText:
     """Matrices of impedances; those between terminals in shared memory or not."""
-    room = {"z": "impedances"}
-    begin = "impedances = shared[room:]\n" if in_shared else "impedances = impedance\n"
-    if in_shared:
-        begin += (
-            "for k in range(tid, 2 * n * n, size):\n    impedances[k] = impedance[k]\n"
-        )
     return NetworkText(
         ("impedance", "bus_impedance", "caused", "bus_caused"),
-        begin,
-        _FULL.format_map(room),
+        _FULL_IN_SHARED if in_shared else "impedances = impedance\n",
+        _FULL,
         _FULL_BUS,
     )
 
@@ -65,6 +59,12 @@ def sparse_network(in_shared: bool) -> NetworkText:
         "v_r, v_i = v[bus_rows[b]], v[m + bus_rows[b]]\n",
     )  # fmt: skip
 
+
+_FULL_IN_SHARED = """\
+impedances = shared[room:]
+for k in range(tid, 2 * n * n, size):
+    impedances[k] = impedance[k]
+"""
 
 _FULL = """\
 for t in range(tid, n, size):

@@ -24,13 +24,26 @@ class Precision(Enum):
     def rounded(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Arrays with the digits of this precision; those of times, states and limits keep all."""
         return {
-            name: array if name in _DOUBLE or array.dtype != np.float64 else array.astype(self.number)
+            name: self._rounded(array) if name not in _DOUBLE else array
             for name, array in arrays.items()
         }
+
+    def _rounded(self, array: NDArray[Any]) -> NDArray[Any]:
+        real = array.dtype == np.float64
+        return array.astype(self.number, copy=False) if real else array
 
 
 #: Arrays in double precision always: in single precision a speed near 1 p.u. would lose what a step
 #: of 10 ms adds to it, and an angle would walk away with the rounding of all steps.
 _DOUBLE = frozenset(
-    {"start", "times", "states_of", "record", "extremes", "group_fixed", "group_limit", "entry_share"}
+    [
+        "start",
+        "times",
+        "states_of",
+        "record",
+        "extremes",
+        "group_fixed",
+        "group_limit",
+        "entry_share",
+    ]
 )

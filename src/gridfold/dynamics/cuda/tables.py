@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.batch.change import NetworkChange, NetworkChanges
-from gridfold.dynamics.cuda.levels import LevelFactors
 from gridfold.dynamics.cuda.kernel import DEAD, ZERO
+from gridfold.dynamics.cuda.levels import LevelFactors
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.rhs import frozen_states
 from gridfold.grid.case import UnitKey
