@@ -42,7 +42,7 @@ class CodeCopies:
             self._code(function.__code__),
             names,
             function.__name__,
-            function.__defaults__,
+            self._number(function.__defaults__),
             tuple(CellType(self.value(cell.cell_contents)) for cell in function.__closure__ or ()),
         )
         copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
@@ -81,7 +81,8 @@ class CodeCopies:
         if isinstance(item, CodeType):
             return self._code(item)
         if isinstance(item, tuple):
-            return tuple(map(self._number, item))
+            found = map(self._number, item)
+            return item._make(found) if hasattr(item, "_make") else tuple(found)
         return self.literal(item) if isinstance(item, float) else item
 
 
