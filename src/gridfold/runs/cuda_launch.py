@@ -61,23 +61,22 @@ class Launch:
 
     def runs(self, members: Sequence[Member]) -> Iterator[tuple[int, Trajectory]]:
         """Step the members, and yield what came of them with their numbers."""
-        began = time.perf_counter()
         plans, model = self.plans, self.plans.model
-        arrays = self.shared | self._tables(members)
-        own, room = _vector_numbers(model, arrays["drawn"].shape[3]), self.network.room
+        given = self.precision.rounded(self.shared | self._tables(members))
+        own, room = _vector_numbers(model, given["drawn"].shape[3]), self.network.room
         item = np.dtype(self.precision.number).itemsize
         in_shared = item * (own + room) <= _SHARED
-        results = self._results(members) | self.network.vectors(len(members), in_shared)
-        given = self.precision.rounded(arrays | results)
+        made = self._results(members) | self.network.vectors(len(members), in_shared)
         text = self.network.text(in_shared)
         kernel = compiled_step(device_models(model.layout), text, self.precision)
-        _call(
+        began = time.perf_counter()
+        results = _call(
             kernel,
             (len(members), self.threads, 0, item * (own + room if in_shared else own)),
-            [given[name] for name in arguments(text)],
-            [given[name] for name in _READ],
+            arguments(text),
+            given,
+            self.precision.rounded(made),
         )
-        results = {name: given[name] for name in _READ}
         steps = max(int(results["end_row"].sum()), 1)
         per_step = (time.perf_counter() - began) / steps
         for k, member in enumerate(members):
@@ -127,7 +126,7 @@ class Launch:
         }
 
     def _results(self, members: Sequence[Member]) -> Arrays:
-        """Room for what the kernel writes."""
+        """What the kernel writes, as arrays of its shapes."""
         layout, count = self.plans.model.layout, len(members)
         rows = max(len(member.times) for member in members)
         return {
@@ -168,9 +167,11 @@ def _vector_numbers(model: DetailedModel, rank: int) -> int:
 
 
 def _call(
-    kernel: Any, shape: tuple[int, ...], arrays: Sequence[Array], wanted: Sequence[Array]
-) -> None:
-    """Start a kernel, and read the arrays that are `wanted` back; the others go one way.
+    kernel: Any, shape: tuple[int, ...], names: Sequence[str], given: Arrays, made: Arrays
+) -> Arrays:
+    """Start a kernel with the arrays of these names; returns those of `made` that are read back.
+
+    What is `given` goes to the GPU. Of what is `made` there only the shapes count.
 
     Raises
     ------
@@ -182,11 +183,14 @@ def _call(
     try:
         with _ONE, warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Grid size")  # few runs do not fill a GPU
-            there = [cuda.to_device(np.ascontiguousarray(array)) for array in arrays]
-            kernel[shape](*there)
-            for array, copy in zip(arrays, there, strict=True):
-                if any(array is item for item in wanted):
-                    copy.copy_to_host(array)
+            there = {
+                name: cuda.device_array(made[name].shape, made[name].dtype)
+                if name in made
+                else cuda.to_device(np.ascontiguousarray(given[name]))
+                for name in names
+            }
+            kernel[shape](*there.values())
+            return {name: there[name].copy_to_host() for name in _READ}
     except Exception as error:  # of the compiler or the driver, of whatever kind
         what = f"{type(error).__name__}: {' '.join(str(error).split())[:_SAID]}"
         raise GpuError(f"the GPU did not take {shape[0]} runs: {what}") from error
