@@ -12,15 +12,12 @@ from gridfold.errors import OptionError
 from gridfold.grid.change import Event
 from gridfold.numerics.cuda_device import why_no_gpu
 from gridfold.numerics.steppers import RungeKutta4, Stepper
-from gridfold.runs.cuda_launch import Launch
+from gridfold.runs.cuda_launch import Launch, room_for_launch
 from gridfold.runs.members import Member, Outcome, Plans
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
-
-#: Bytes that what is kept of the runs of one launch may take.
-_BYTES = 2**30
 
 
 def why_not_on_gpu(model: DetailedModel, stepper: Stepper) -> str | None:
@@ -84,7 +81,7 @@ def simulate_on_gpu(
     network = gpu_network(model, full_terminals)
     launch = Launch(plans, plans.kept_states(every_state), network, precision)
     waiting: list[Member] = []
-    size = 0
+    size, most = 0, room_for_launch()
     for number, events in enumerate(disturbances):
         found = plans.ready(number, tuple(events))
         if not isinstance(found, Member):
@@ -92,7 +89,7 @@ def simulate_on_gpu(
             continue
         waiting.append(found)
         size += launch.size(found)
-        if size > _BYTES:
+        if size > most:
             yield from launch.runs(waiting)
             waiting, size = [], 0
     if waiting:

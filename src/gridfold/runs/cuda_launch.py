@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.ceilings import memory_limit
 from gridfold.dynamics.batch.voltages import VoltageExtreme
 from gridfold.dynamics.cuda.kernel import HIGH, LOW, arguments, compiled_step, device_models
 from gridfold.dynamics.cuda.networks import GpuNetwork
@@ -33,6 +34,8 @@ from gridfold.runs.trajectory import Trajectory
 
 #: Bytes of a block of threads' shared memory, and threads that it has at most.
 _SHARED, _THREADS = 48 * 1024, 256
+#: Bytes that the runs of a launch take at most, and their share of the free memory.
+_MOST, _SHARE = 2**33, 0.25
 
 
 @dataclass
@@ -151,6 +154,14 @@ class Launch:
 
     def _named(self, found: Array) -> VoltageExtreme:
         return VoltageExtreme(float(np.sqrt(found[0])), int(self.on[int(found[1])]), int(found[2]))
+
+
+def room_for_launch() -> float:
+    """Bytes that the runs of one launch may take, of what is free on the GPU and on this machine."""
+    from numba import cuda
+
+    free = cuda.current_context().get_memory_info()[0]
+    return float(min(_MOST, _SHARE * free, _SHARE * memory_limit()))
 
 
 #: One launch at a time: it fills a GPU.
