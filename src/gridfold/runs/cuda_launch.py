@@ -160,7 +160,8 @@ def room_for_launch() -> float:
     """Bytes that the runs of one launch may take, of what is free on the GPU and on this machine."""
     from numba import cuda
 
-    free = cuda.current_context().get_memory_info()[0]
+    context: Any = cuda.current_context
+    free = context().get_memory_info()[0]
     return float(min(_MOST, _SHARE * free, _SHARE * memory_limit()))
 
 

@@ -54,7 +54,7 @@ class LevelFactors:
     @property
     def vector_size(self) -> int:
         """Numbers of the vector that a run is solved in."""
-        return 2 * (self.lower.shape[0] + len(self.tail_inverse))
+        return 2 * (int(self.lower.shape[0]) + len(self.tail_inverse))
 
 
 def level_factors(equations: NetworkEquations, tail: int = TAIL) -> LevelFactors:
