@@ -6,12 +6,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from cases import one_machine_infinite_bus
 from device_families import FAMILIES
 
 import gridfold as gf
@@ -121,4 +123,12 @@ def test_without_a_gpu_runs_on_one_are_refused(npcc: gf.DetailedModel) -> None:
 def test_methods_and_loads_that_are_not_made_for_gpus_are_named(npcc: gf.DetailedModel) -> None:
     assert why_not_on_gpu(npcc, gf.RungeKutta4()) is None
     assert "abm4 is not made for GPUs" in str(why_not_on_gpu(npcc, gf.AdamsBashforthMoulton4()))
-    assert "solves equations" in str(why_not_on_gpu(npcc, gf.ImplicitTrapezoidal()))
+    assert "trapezoidal is not made for GPUs" in str(
+        why_not_on_gpu(npcc, gf.ImplicitTrapezoidal())
+    )
+    loads = (gf.Load(1, "1", 40.0, 15.0), gf.Load(2, "1", 10.0))
+    for count, place in ((1, "bus 1"), (2, "buses 1, 2")):
+        case = replace(one_machine_infinite_bus(), loads=loads[:count])
+        model = gf.build_model(case, loads=gf.LoadModel((0.5, 0.0, 0.5)))
+        words = why_not_on_gpu(model, gf.RungeKutta4())
+        assert f"loads that are no impedances, at {place}, need iterations" in str(words)

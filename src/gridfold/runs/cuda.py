@@ -34,10 +34,8 @@ def _loads_that_iterate(model: DetailedModel) -> str:
     assert loads is not None
     few = ", ".join(map(str, loads.buses[:3]))
     more = f" and {len(loads.buses) - 3} more" if len(loads.buses) > 3 else ""
-    return (
-        f"loads that are no impedances, at buses {few}{more}, need iterations of their own in every "
-        "step"
-    )
+    place = f"bus {few}" if len(loads.buses) == 1 else f"buses {few}{more}"
+    return f"loads that are no impedances, at {place}, need iterations of their own in every step"
 
 
 def simulate_on_gpu(
