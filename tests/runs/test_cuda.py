@@ -123,9 +123,7 @@ def test_without_a_gpu_runs_on_one_are_refused(npcc: gf.DetailedModel) -> None:
 def test_methods_and_loads_that_are_not_made_for_gpus_are_named(npcc: gf.DetailedModel) -> None:
     assert why_not_on_gpu(npcc, gf.RungeKutta4()) is None
     assert "abm4 is not made for GPUs" in str(why_not_on_gpu(npcc, gf.AdamsBashforthMoulton4()))
-    assert "trapezoidal is not made for GPUs" in str(
-        why_not_on_gpu(npcc, gf.ImplicitTrapezoidal())
-    )
+    assert "trapezoidal is not made for GPUs" in str(why_not_on_gpu(npcc, gf.ImplicitTrapezoidal()))
     loads = (gf.Load(1, "1", 40.0, 15.0), gf.Load(2, "1", 10.0))
     for count, place in ((1, "bus 1"), (2, "buses 1, 2")):
         case = replace(one_machine_infinite_bus(), loads=loads[:count])
