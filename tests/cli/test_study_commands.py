@@ -12,6 +12,7 @@ import time
 import pandas as pd
 import pytest
 
+from gridfold.numerics.cuda_device import why_no_gpu
 from gridfold.study import solve
 
 SHORT = """schema = 1
@@ -106,6 +107,21 @@ def test_results_are_not_mixed_or_written_over(command, here):
 def test_a_broken_study_is_refused_before_anything_is_written(command, here, text, said):
     (here / "short.toml").write_text(text)
     code, _, err = command("run", "short.toml")
+    assert (code, said in plain(err)) == (2, True), err
+    assert not (here / "short.results").exists()
+
+
+@pytest.mark.skipif(why_no_gpu() is None, reason="there is a GPU")
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--device", "cuda"), "; auto and cpu run on the CPU"),
+        (("--precision", "single"), "precision single is for the device cuda, not cpu"),
+        (("--precision", "single", "--device", "auto"), "for the device cuda, not auto"),
+    ],
+)
+def test_a_gpu_that_is_not_there_is_told_before_the_work_begins(command, here, options, said):
+    code, _, err = command("run", "short.toml", *options)
     assert (code, said in plain(err)) == (2, True), err
     assert not (here / "short.results").exists()
 

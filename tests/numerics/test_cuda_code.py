@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from gridfold.numerics.code_copies import CodeCopies
 from gridfold.numerics.cuda_code import unknown_names
 
 TABLE = np.array([1.0, 2.0])
+GAIN = 0.5
+LIMITS = namedtuple("LIMITS", "lowest highest")(-3.0, 3.0)
 
 
 @njit
@@ -44,6 +47,27 @@ def test_functions_of_single_numbers_are_known_and_have_the_same_values():
     copy = CodeCopies(numbers, lambda function: function).function(all_known)
     for x in (0.3, 1.0, 1.7, 2.0, 5.5):
         assert copy(x) == pytest.approx(all_known(x), rel=1e-15)
+
+
+def with_numbers(x, half=0.5):
+    parts = (0.25, 2)
+    return helper_with_number(x) + x * parts[0] * parts[1] + half + GAIN
+
+
+@njit
+def helper_with_number(x):
+    return 1.5 * x + LIMITS.highest
+
+
+def test_numbers_in_the_source_of_a_copy_are_of_its_type():
+    copy = cuda_code.device_code(with_numbers, np.float32, compiled=lambda function: function)
+    helper = copy.__globals__["helper_with_number"]
+    numbers = [
+        *copy.__code__.co_consts, *helper.__code__.co_consts, copy.__globals__["GAIN"],
+        *helper.__globals__["LIMITS"], *copy.__defaults__,
+    ]  # fmt: skip
+    assert not any(isinstance(value, float) for value in numbers)
+    assert copy(np.float32(2.0)) == with_numbers(2.0) == 8.0
 
 
 @pytest.mark.parametrize("a", [1.0, 2.0, math.nan])

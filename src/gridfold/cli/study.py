@@ -17,6 +17,7 @@ from gridfold.cli.console import count_bar, err, out
 from gridfold.cli.exit_codes import ExitCode
 from gridfold.cli.options import DevicesOption
 from gridfold.cli.trusted import trusted_devices
+from gridfold.dynamics.cuda.precision import Precision
 from gridfold.errors import OptionError, OutputError
 from gridfold.io.study_store import StudyStore
 from gridfold.report.result_tables import result_tables
@@ -122,6 +123,13 @@ def run(
             show_default="that of the study",
         ),
     ] = None,
+    precision: Annotated[
+        Precision | None,
+        worker_option(
+            help="Digits with which a GPU computes; the error of single is found and told.",
+            show_default="that of the study",
+        ),
+    ] = None,
     log_json: Annotated[
         str | None,
         output_option(help="Write a line of JSON for each contingency to a file; - for stderr."),
@@ -154,6 +162,7 @@ def run(
             retry_failed=retry_failed,
             time_limit=time_limit,
             device=device,
+            precision=precision,
             workers=workers,
             count=count,
             cluster=cluster,

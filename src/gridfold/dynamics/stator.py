@@ -12,7 +12,7 @@ from numba import njit
 @njit
 def over_impedance(a_r, a_i, r, x):
     """(a_r + j a_i) / (r + j x), part by part so that parts may be complex steps."""
-    scale = 1 / (r * r + x * x)
+    scale = 1.0 / (r * r + x * x)
     return (a_r * r + a_i * x) * scale, (a_i * r - a_r * x) * scale
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import CellType, FunctionType, ModuleType
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,17 @@ class CodeCopies:
         What stands for a function of ``np`` or ``math``, by name.
     compiled : callable
         Compiles the copy of a function that was compiled.
+    literal : type, optional
+        The type of number that floats in the sources of functions, and their global floats, become.
     """
 
-    def __init__(self, numbers: Mapping[str, Any], compiled: Callable[[Any], Any]) -> None:
-        self.numbers, self.compiled = numbers, compiled
+    def __init__(
+        self,
+        numbers: Mapping[str, Any],
+        compiled: Callable[[Any], Any],
+        literal: Callable[[float], Any] | None = None,
+    ) -> None:
+        self.numbers, self.compiled, self.literal = numbers, compiled, literal
         self.known: dict[int, Any] = {}
 
     def function(self, function: Any) -> Any:
@@ -32,10 +39,10 @@ class CodeCopies:
             return self.known[id(function)]
         names: dict[str, Any] = {}
         copy = FunctionType(
-            function.__code__,
+            self._code(function.__code__),
             names,
             function.__name__,
-            function.__defaults__,
+            self._number(function.__defaults__),
             tuple(CellType(self.value(cell.cell_contents)) for cell in function.__closure__ or ()),
         )
         copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
@@ -57,9 +64,26 @@ class CodeCopies:
         elif isinstance(item, Dispatcher):
             found = self.compiled(self.function(item.py_func))
         else:
-            return item
+            return self._number(item)
         self.known[id(item)] = found
         return found
+
+    def _code(self, code: CodeType) -> CodeType:
+        """The code, with the numbers that stand in it in their type."""
+        if self.literal is None:
+            return code
+        return code.replace(co_consts=tuple(map(self._number, code.co_consts)))
+
+    def _number(self, item: Any) -> Any:
+        """A number in its type; anything else as it is."""
+        if self.literal is None:
+            return item
+        if isinstance(item, CodeType):
+            return self._code(item)
+        if isinstance(item, tuple):
+            found = map(self._number, item)
+            return item._make(found) if hasattr(item, "_make") else tuple(found)
+        return self.literal(item) if isinstance(item, float) else item
 
 
 def used_names(function: Any) -> set[str]:

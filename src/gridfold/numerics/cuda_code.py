@@ -75,13 +75,31 @@ _KNOWN_VALUES = frozenset(map(id, (np, math, *_NUMBERS.values())))
 _BUILT_IN = frozenset({"abs", "float", "int", "len", "max", "min", "range"})
 
 
-def device_code(function: Callable[..., Any]) -> Any:
-    """`function` as a device function of CUDA; it uses no more than :func:`unknown_names` lets it."""
-    from numba import cuda
+def device_code(
+    function: Callable[..., Any],
+    number: type[np.floating[Any]] = np.float64,
+    compiled: Callable[[Any], Any] | None = None,
+) -> Any:
+    """`function` as a device function of CUDA; it uses no more than :func:`unknown_names` lets it.
 
-    compiled = cuda.jit(device=True)
-    own = {name: compiled(part) for name, part in _OWN.items()}
-    return compiled(CodeCopies({**_NUMBERS, **own}, compiled).function(function))
+    Parameters
+    ----------
+    number : type
+        That of all numbers that stand in its source, so that they make none of its numbers double.
+    compiled : callable, optional
+        What compiles it, and what it calls, instead of CUDA's compiler.
+    """
+    if compiled is None:
+        from numba import cuda
+
+        compiled = cuda.jit(device=True)
+    literal = None if number is np.float64 else number
+    known = {
+        name: number(item) if isinstance(item, float) else item for name, item in _NUMBERS.items()
+    }
+    parts = CodeCopies(known, compiled, literal)
+    own = {name: compiled(parts.function(part)) for name, part in _OWN.items()}
+    return compiled(CodeCopies({**known, **own}, compiled, literal).function(function))
 
 
 def unknown_names(function: Any) -> list[str]:

@@ -6,6 +6,9 @@ from importlib.util import find_spec
 
 from numba import config
 
+#: Characters of what a driver says that are repeated.
+_SAID = 300
+
 
 def simulated() -> bool:
     """Whether Numba's simulator stands for a GPU (``NUMBA_ENABLE_CUDASIM=1``)."""
@@ -20,11 +23,19 @@ def why_no_gpu() -> str | None:
         return "numba-cuda is not installed (pip install 'gridfold[cuda]')"
     try:
         from numba import cuda
-
-        if cuda.is_available():
+    except Exception as error:  # whatever is wrong with an installation is told, not raised
+        return f"numba-cuda cannot be imported: {_words(error)}"
+    try:
+        found = cuda.is_available()
+        if found and len(cuda.gpus):
             return None
         reason = cuda.cuda_error()
-    except Exception as error:  # whatever is wrong with an installation is told, not raised
-        reason = error
-    text = " ".join(str(reason or "").split())
-    return "no NVIDIA GPU or driver is found" + (f": {text}" if text else "")
+    except Exception as error:  # of the driver, of whatever kind
+        found, reason = False, error
+    if not found and reason is None:
+        return "NVIDIA's compiler is not found (pip install 'gridfold[cuda]')"
+    return "no NVIDIA GPU or driver is found" + (f": {_words(reason)}" if reason else "")
+
+
+def _words(reason: object) -> str:
+    return " ".join(str(reason).split())[:_SAID]

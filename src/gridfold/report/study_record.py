@@ -22,6 +22,7 @@ from gridfold.report.event_words import event_places, event_words
 from gridfold.report.grid_layout import with_places
 from gridfold.report.study_file_text import study_file_text
 from gridfold.report.study_tables import further_errors, other_verdicts, study_facts
+from gridfold.study.single_precision import single_words
 from gridfold.study.summary import column_types
 
 if TYPE_CHECKING:
@@ -322,6 +323,8 @@ def _provenance(about: Mapping[str, Any]) -> list[list[str]]:
         ["Study area", f"buses {settings['study_buses']}" if settings["study_buses"] else "none"],
         ["Integration", f"{settings['step'] * 1000:g} ms, {settings['method_reason']}"],
     ]
+    if single := about.get("single_precision"):
+        pairs.append(["Single precision", single_words(single)])
     if "column_norm" in settings:
         angle = settings.get("angle_deg")
         switching = "never switching" if angle is None else f"switching at {angle:g} degrees"

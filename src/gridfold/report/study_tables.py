@@ -13,6 +13,7 @@ from gridfold.io.study_store import StudyStore
 from gridfold.report.criteria_tables import criteria_facts, violating
 from gridfold.report.plain import as_lines
 from gridfold.report.tables import shortened
+from gridfold.study.single_precision import single_words
 from gridfold.study.work import StudyRun
 
 if TYPE_CHECKING:
@@ -102,6 +103,8 @@ def study_facts(store: StudyStore, outcome: StudyRun | None = None) -> dict[str,
     }
     if settings.get("method_doubts"):
         facts["Time step"] = "; ".join(settings["method_doubts"])
+    if single := about.get("single_precision"):
+        facts["Single precision"] = single_words(single)
     done = [line for line in settings.get("case_notices", ()) if line.startswith(EDITED)]
     if done:
         facts[f"Edits ({len(done)})"] = as_lines([line.removeprefix(EDITED) for line in done])

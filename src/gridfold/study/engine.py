@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from gridfold.dynamics.cuda.precision import Precision
 from gridfold.equivalents.small_models import Topology, topology
 from gridfold.errors import OptionError
 from gridfold.grid.grid_map import grid_map
@@ -29,7 +30,12 @@ from gridfold.study.executors import Workers, team
 from gridfold.study.generate import Contingency, contingency_from_record
 from gridfold.study.identity import identity_of, refuse_changed, refuse_other, refuse_other_files
 from gridfold.study.named_files import NamedFiles, read_named
-from gridfold.study.on_gpu import choose_device, device_asked_for
+from gridfold.study.on_gpu import (
+    choose_device,
+    device_asked_for,
+    refuse_single_elsewhere,
+    with_precision,
+)
 from gridfold.study.prepare import Offline, Prepared, describe, do_offline_work, prepare
 from gridfold.study.processes import refuse_nested
 from gridfold.study.solve import Batch, Task, why_one_by_one
@@ -56,6 +62,7 @@ def run_study(
     retry_failed: bool = False,
     time_limit: float | None = None,
     device: RunsOn | str | None = None,
+    precision: Precision | str | None = None,
     workers: Workers | str = Workers.THREADS,
     count: int | None = None,
     cluster: str | None = None,
@@ -82,6 +89,8 @@ def run_study(
         Longest time on the machine for one contingency in seconds, instead of the study's.
     device : {"auto", "cpu", "cuda"}, optional
         What contingencies run on, instead of what the study says.
+    precision : {"double", "single"}, optional
+        Digits with which a GPU computes, instead of what the study says.
     workers : {"threads", "processes"}
         What works on this machine.
     count : int, optional
@@ -118,11 +127,12 @@ def run_study(
     path = None if isinstance(study, Study) else Path(study)
     wanted = study if isinstance(study, Study) else load_study(study)
     start = Path(folder) if folder is not None else (path.parent if path else Path())
-    wanted = with_own_devices(wanted, devices, start)
+    wanted = with_precision(with_own_devices(wanted, devices, start), precision)
     target = _target(out, path)
     kind = _kind(workers)
     check_limit(time_limit)
     asked = device_asked_for(wanted.run.device if device is None else device)
+    refuse_single_elsewhere(asked, wanted.run.precision)
     if kind is Workers.PROCESSES or cluster == "local":
         refuse_nested()
     goes_on = resume or retry_failed
@@ -136,8 +146,8 @@ def run_study(
         earlier = stack.enter_context(StudyStore.resume(target)) if goes_on else None
         offline, contingencies = _offline(wanted, named, count, earlier, time_limit)
         prepared = prepare(offline)
-        on_gpu, words = choose_device(asked, prepared, contingencies)
-        only = on_gpu and asked is RunsOn.CUDA
+        chosen = choose_device(asked, prepared, contingencies)
+        on_gpu, only = chosen.on_gpu, chosen.on_gpu and asked is RunsOn.CUDA
         offline = replace(offline, on_gpu=on_gpu, gpu_only=only)
         prepared = replace(prepared, on_gpu=on_gpu, gpu_only=only)
         count = None if count is None else min(count, max(len(contingencies), 1))
@@ -145,8 +155,10 @@ def run_study(
         crew = stack.enter_context(team(offline, prepared, kind, count, cluster, executor))
         store = earlier or stack.enter_context(_create(target, offline, prepared, contingencies))
         settings = store.identity["settings"]
-        told = (*words, *settings.get("unplaced", ()), *settings.get("warnings", ()))
+        told = (*chosen.words, *settings.get("unplaced", ()), *settings.get("warnings", ()))
         tell(Progress(Stage.PREPARING, warnings=told))
+        if chosen.single is not None:
+            store.tell("single_precision", asdict(chosen.single))
         rounds = _rounds(store, prepared, crew.count, retry_failed)
         work = Work(store, crew, rounds, tell, began)
         stage = work.run(stop or Event())

@@ -114,7 +114,8 @@ def _at(prepared: Prepared, models: Models, number: int) -> Prepared:
 def _on_gpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[str]:
     """Put what a GPU makes of the tasks to what is known; returns how it failed, if it did."""
     try:
-        known.update(_side_by_side(prepared, batch, None, simulate_on_gpu))
+        on_gpu = partial(simulate_on_gpu, precision=prepared.study.run.precision)
+        known.update(_side_by_side(prepared, batch, None, on_gpu))
     except Exception as error:  # of the compiler or the driver, of whatever kind
         reason = f"the GPU failed: {_in_words(error)}"
         if prepared.gpu_only:

@@ -25,6 +25,7 @@ from pydantic import (
 
 from gridfold.cards import Card
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.dynamics.cuda.precision import Precision
 from gridfold.dynamics.initialize import OnLimit
 from gridfold.dynamics.psse_records import Unsupported, WithoutData
 from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
@@ -327,6 +328,11 @@ class Run(RunOptions):
     device: RunsOn = Field(
         default=RunsOn.CPU,
         description="What contingencies run on: a GPU where one is found, the CPU, or a GPU only.",
+    )
+    precision: Precision = Field(
+        default=Precision.DOUBLE,
+        description="Digits with which a GPU computes; single needs the device cuda, and its error is "
+        "found and told.",
     )
 
 

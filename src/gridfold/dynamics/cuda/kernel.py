@@ -15,6 +15,10 @@ from functools import cache
 from textwrap import indent
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from gridfold.dynamics.cuda.network_text import NetworkText
+from gridfold.dynamics.cuda.precision import Precision
 from gridfold.dynamics.device import Device, Kernel
 from gridfold.dynamics.layout import Layout
 from gridfold.numerics.cuda_code import device_code, unknown_names
@@ -30,13 +34,13 @@ ALIVE, ZERO, DEAD = range(3)
 #: Columns of the extremes of voltages: squares, and their buses and rows.
 LOW, LOW_BUS, LOW_ROW, HIGH, HIGH_BUS, HIGH_ROW = range(6)
 
-#: Arrays that the kernel takes, in order.
-ARGUMENTS = (
-    "blocks, inputs, parameters, start, sources_at, sources, impedance, bus_impedance, kept, "
-    "ranks, drawn, caused, bus_caused, live, frozen, bus_kind, "
-    "groups_at, group_fixed, group_limit, entries_at, entry_index, entry_share, "
-    "segments_at, segments, times, signals_of, states_of, record, verdict, end_row, extremes"
-)
+#: Arrays that every kernel takes, in order; behind them stand those of its network.
+_ARGUMENTS = (
+    "blocks", "inputs", "parameters", "start", "sources_at", "sources", "kept", "ranks", "drawn",
+    "live", "frozen", "bus_kind", "groups_at", "group_fixed", "group_limit", "entries_at",
+    "entry_index", "entry_share", "segments_at", "segments", "times", "signals_of", "states_of",
+    "record", "verdict", "end_row", "extremes",
+)  # fmt: skip
 
 _HEAD = """\
 def step_runs({arguments}):
@@ -44,11 +48,12 @@ def step_runs({arguments}):
     n, n_buses, n_states = len(sources_at) - 1, bus_kind.shape[1], frozen.shape[1]
     signals, x, total, slope = signals_of[run], states_of[run, 0], states_of[run, 1], states_of[run, 2]
     voltages, most = len(start) - 2 * n, drawn.shape[3]
-    # Shared by the threads of a run: currents, compensating currents, and what was found.
-    shared = cuda.shared.array(0, float64)
+    # Shared by the threads of a run: currents, compensating currents, what was found, the network's.
+    shared = cuda.shared.array(0, real)
     compensating = 2 * n
     found = compensating + 2 * most
-    {impedance}
+    room = found + 2
+{begin}
     for k in range(tid, len(start), size):
         signals[k] = start[k]
     for k in range(tid, n_states, size):
@@ -75,7 +80,7 @@ def step_runs({arguments}):
 {sources}
                 cuda.syncthreads()
                 for t in range(tid, n, size):
-                    i_r, i_i = 0.0, 0.0
+                    i_r, i_i = zero, zero
                     for k in range(sources_at[t], sources_at[t + 1]):
                         on = live[network, sources[k, 2]]
                         i_r += on * signals[sources[k, 0]]
@@ -83,7 +88,7 @@ def step_runs({arguments}):
                     shared[t], shared[n + t] = i_r, i_i
                 cuda.syncthreads()
                 for r in range(tid, rank, size):
-                    j_r, j_i = 0.0, 0.0
+                    j_r, j_i = zero, zero
                     for t in range(n):
                         w_r, w_i = drawn[network, 0, t, r], drawn[network, 1, t, r]
                         j_r -= w_r * shared[t] - w_i * shared[n + t]
@@ -91,34 +96,14 @@ def step_runs({arguments}):
                     shared[compensating + r] = j_r
                     shared[compensating + most + r] = j_i
                 cuda.syncthreads()
-                for t in range(tid, n, size):
-                    v_r, v_i = 0.0, 0.0
-                    for k in range(n):
-                        z_r, z_i = {z}[{z_at}k * n + t], {z}[{z_at}(n + k) * n + t]
-                        v_r += z_r * shared[k] - z_i * shared[n + k]
-                        v_i += z_r * shared[n + k] + z_i * shared[k]
-                    for r in range(rank):
-                        z_r, z_i = caused[network, 0, r, t], caused[network, 1, r, t]
-                        j_r, j_i = shared[compensating + r], shared[compensating + most + r]
-                        v_r += z_r * j_r - z_i * j_i
-                        v_i += z_r * j_i + z_i * j_r
-                    signals[voltages + t], signals[voltages + n + t] = v_r, v_i
+{solve}
                 if stage == 0:
                     for b in range(tid, n_buses, size):
-                        kind, squared = bus_kind[network, b], 0.0
+                        kind, squared = bus_kind[network, b], zero
                         if kind == {dead}:
                             continue
                         if kind == {alive}:
-                            v_r, v_i = 0.0, 0.0
-                            for k in range(n):
-                                z_r, z_i = bus_impedance[0, k, b], bus_impedance[1, k, b]
-                                v_r += z_r * shared[k] - z_i * shared[n + k]
-                                v_i += z_r * shared[n + k] + z_i * shared[k]
-                            for r in range(rank):
-                                z_r, z_i = bus_caused[network, 0, r, b], bus_caused[network, 1, r, b]
-                                j_r, j_i = shared[compensating + r], shared[compensating + most + r]
-                                v_r += z_r * j_r - z_i * j_i
-                                v_i += z_r * j_i + z_i * j_r
+{bus}
                             squared = v_r * v_r + v_i * v_i
                         if squared < low:
                             low, low_bus, low_row = squared, b, row
@@ -174,11 +159,11 @@ def step_runs({arguments}):
 """
 
 _MATRICES = """\
-x{b} = cuda.local.array(({states}, 1), float64)
-u{b} = cuda.local.array(({inputs}, 1), float64)
-p{b} = cuda.local.array(({parameters}, 1), float64)
-y{b} = cuda.local.array(({signals}, 1), float64)
-d{b} = cuda.local.array(({states}, 1), float64)
+x{b} = cuda.local.array(({states}, 1), real)
+u{b} = cuda.local.array(({inputs}, 1), real)
+p{b} = cuda.local.array(({parameters}, 1), real)
+y{b} = cuda.local.array(({signals}, 1), real)
+d{b} = cuda.local.array(({states}, 1), real)
 """
 
 _CALL = """\
@@ -244,8 +229,13 @@ def why_not(devices: Sequence[Device]) -> str | None:
     return None
 
 
-def kernel_text(models: Sequence[Model], in_shared: bool) -> str:
-    """Text of the kernel of some device models; the impedances are in shared memory or not."""
+def arguments(network: NetworkText) -> tuple[str, ...]:
+    """Names of the arrays that a kernel takes, in order."""
+    return (*_ARGUMENTS, *network.arguments)
+
+
+def kernel_text(models: Sequence[Model], network: NetworkText) -> str:
+    """Text of the kernel of some device models that solves its network so."""
     matrices, sources, outputs, derivatives = [], [], [], []
     for b, model in enumerate(models):
         rows = {name: max(1, getattr(model, f"n_{name}")) for name in _ROWS}
@@ -261,10 +251,10 @@ def kernel_text(models: Sequence[Model], in_shared: bool) -> str:
             call = _CALL.format_map(known | {"kernel": f"derivative{b}"})
             derivatives.append(call + _PUT_SLOPES.format_map(known))
     return _HEAD.format(
-        arguments=ARGUMENTS,
-        impedance=_TO_SHARED if in_shared else "pass",
-        z="shared" if in_shared else "impedance",
-        z_at="found + 2 + " if in_shared else "",
+        arguments=", ".join(arguments(network)),
+        begin=indent(network.begin, " " * 4),
+        solve=indent(network.solve, " " * 16),
+        bus=indent(network.bus, " " * 28),
         matrices=indent("".join(matrices), " " * 4),
         sources=indent("".join(sources), " " * 16),
         outputs=indent("".join(outputs), " " * 16),
@@ -274,8 +264,6 @@ def kernel_text(models: Sequence[Model], in_shared: bool) -> str:
 
 
 _ROWS = ("states", "inputs", "parameters", "signals")
-_TO_SHARED = """for k in range(tid, 2 * n * n, size):
-        shared[found + 2 + k] = impedance[k]"""
 _NUMBERS = {
     name.lower(): value
     for name, value in globals().items()
@@ -284,25 +272,28 @@ _NUMBERS = {
 
 
 @cache
-def compiled_step(models: tuple[Model, ...], in_shared: bool) -> Any:
+def compiled_step(models: tuple[Model, ...], network: NetworkText, precision: Precision) -> Any:
     """The kernel of a combination of device models."""
     from numba import cuda
 
     compiled: Any = cuda.jit
-    return compiled(step_function(models, in_shared))
+    return compiled(step_function(models, network, precision))
 
 
-def step_function(models: tuple[Model, ...], in_shared: bool) -> Any:
+def step_function(models: Sequence[Model], network: NetworkText, precision: Precision) -> Any:
     """The same as a function that is not compiled yet; what it calls is."""
     import math
 
-    from numba import cuda, float64
+    from numba import cuda, from_dtype
 
-    names: dict[str, Any] = {"cuda": cuda, "float64": float64, "math": math}
+    number = precision.number
+    names: dict[str, Any] = {
+        "cuda": cuda, "math": math, "real": from_dtype(np.dtype(number)), "zero": number(0.0),
+    }  # fmt: skip
     for b, model in enumerate(models):
         for stage in ("source", "output", "derivative"):
             kernel = getattr(model, stage)
             if kernel is not None:
-                names[f"{stage}{b}"] = device_code(kernel)
-    exec(compile(kernel_text(models, in_shared), "<runs on a GPU>", "exec"), names)
+                names[f"{stage}{b}"] = device_code(kernel, number)
+    exec(compile(kernel_text(models, network), "<runs on a GPU>", "exec"), names)
     return names["step_runs"]

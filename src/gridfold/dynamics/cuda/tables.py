@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.batch.change import NetworkChange, NetworkChanges
 from gridfold.dynamics.cuda.kernel import DEAD, ZERO
+from gridfold.dynamics.cuda.levels import LevelFactors
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.rhs import frozen_states
 from gridfold.grid.case import UnitKey
@@ -46,9 +47,39 @@ def model_arrays(model: DetailedModel, kept: NDArray[np.int64]) -> Arrays:
         "start": start,
         "sources_at": np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         "sources": np.ascontiguousarray(sources, dtype=np.int64),
+        "kept": kept,
+    }
+
+
+def impedance_arrays(model: DetailedModel) -> Arrays:
+    """Impedances of the intact network between terminals, and from them to the energized buses."""
+    return {
         "impedance": _parts(model.equations.terminal_impedance().T).ravel(),
         "bus_impedance": _parts(model.equations.voltage_map[energized(model)].T),
-        "kept": kept,
+    }
+
+
+def factor_arrays(model: DetailedModel, factors: LevelFactors) -> Arrays:
+    """Sparse factors of the intact network, and where currents go in and voltages come out."""
+    n_rows = factors.lower.shape[0]
+    terminals = np.flatnonzero(factors.terminal_rows >= 0)
+    rows = factors.terminal_rows[terminals]
+    order = np.argsort(rows, kind="stable")
+    counts = np.bincount(rows, minlength=n_rows)
+    return {
+        "levels_at": factors.starts,
+        "low_at": factors.lower.indptr.astype(np.int64),
+        "low_columns": factors.lower.indices.astype(np.int64),
+        "low_values": _parts(factors.lower.data),
+        "up_at": factors.upper.indptr.astype(np.int64),
+        "up_columns": factors.upper.indices.astype(np.int64),
+        "up_values": _parts(factors.upper.data),
+        "inverse_diagonal": _parts(factors.inverse_diagonal),
+        "tail_inverse": _parts(factors.tail_inverse.T),
+        "inputs_at": np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        "inputs_of": terminals[order],
+        "terminal_rows": factors.terminal_rows,
+        "bus_rows": factors.rows[energized(model)],
     }
 
 
@@ -82,17 +113,18 @@ class NetworkTable:
             self._networks.append((change, units_out))
         return self._known[key]
 
+    @property
+    def rank(self) -> int:
+        """The largest rank of a change, at least one."""
+        return max((len(c.buses) for c, _ in self._networks if c is not None), default=0) or 1
+
     def arrays(self) -> Arrays:
         """All networks; what one does not use is zero."""
         layout, on = self.model.layout, energized(self.model)
         count, n = len(self._networks), len(layout.terminals)
-        rank = max((len(c.buses) for c, _ in self._networks if c is not None), default=0)
-        rank = max(rank, 1)
         found: Arrays = {
             "ranks": np.zeros(count, dtype=np.int64),
-            "drawn": np.zeros((count, 2, n, rank)),
-            "caused": np.zeros((count, 2, rank, n)),
-            "bus_caused": np.zeros((count, 2, rank, len(on))),
+            "drawn": np.zeros((count, 2, n, self.rank)),
             "live": np.ones((count, len(layout.sources))),
             "frozen": np.zeros((count, layout.n_states), dtype=np.int8),
             "bus_kind": np.zeros((count, len(on)), dtype=np.int8),
@@ -106,11 +138,33 @@ class NetworkTable:
             r = len(change.buses)
             found["ranks"][w] = r
             found["drawn"][w, :, :, :r] = _parts(change.drawn.T)
-            found["caused"][w, :, :r] = _parts(change.caused.T)
-            found["bus_caused"][w, :, :r] = _parts(self.changes.caused_at(change, on).T)
             found["bus_kind"][w, np.isin(rows[on], rows[change.zero])] = ZERO
             found["bus_kind"][w, np.isin(rows[on], rows[change.dead])] = DEAD
         return found
+
+    def caused_arrays(self) -> Arrays:
+        """Voltages that compensating currents cause at terminals and at energized buses."""
+        on = energized(self.model)
+        count, n = len(self._networks), len(self.model.layout.terminals)
+        at_terminals = np.zeros((count, 2, self.rank, n))
+        at_buses = np.zeros((count, 2, self.rank, len(on)))
+        for w, change in self._changes():
+            r = len(change.buses)
+            at_terminals[w, :, :r] = _parts(change.caused.T)
+            at_buses[w, :, :r] = _parts(self.changes.caused_at(change, on).T)
+        return {"caused": at_terminals, "bus_caused": at_buses}
+
+    def row_arrays(self, factors: LevelFactors) -> Arrays:
+        """Rows of the factors at which compensating currents go in."""
+        rows = np.zeros((len(self._networks), self.rank), dtype=np.int64)
+        for w, change in self._changes():
+            rows[w, : len(change.buses)] = factors.rows[change.buses]
+        return {"change_rows": rows}
+
+    def _changes(self) -> Iterator[tuple[int, NetworkChange]]:
+        for w, (change, _) in enumerate(self._networks):
+            if change is not None:
+                yield w, change
 
 
 @dataclass

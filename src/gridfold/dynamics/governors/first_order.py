@@ -12,7 +12,7 @@ OMEGA = 0
 def derivative(x, u, p, y, dx):
     """Governor output power."""
     for i in range(x.shape[1]):
-        demand = p[PREF, i] - (u[OMEGA, i] - 1) / p[R, i]
+        demand = p[PREF, i] - (u[OMEGA, i] - 1.0) / p[R, i]
         dx[PGV, i] = (-x[PGV, i] + demand) / p[TGV, i]
 
 

@@ -41,9 +41,9 @@ def output(x, u, p, y, dx):
 def derivative(x, u, p, y, dx):
     """Swing equation."""
     for i in range(x.shape[1]):
-        slip = x[OMEGA, i] - 1
+        slip = x[OMEGA, i] - 1.0
         dx[DELTA, i] = p[BASE_SPEED, i] * slip
-        dx[OMEGA, i] = (u[PM, i] - y[PE, i] - p[D, i] * slip) / (2 * p[H, i])
+        dx[OMEGA, i] = (u[PM, i] - y[PE, i] - p[D, i] * slip) / (2.0 * p[H, i])
 
 
 def admittance(p: Values) -> NDArray[np.complex128]:

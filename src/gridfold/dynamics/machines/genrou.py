@@ -73,7 +73,7 @@ def induced(current, error, x, x_1, x_2, x_l):
 @njit
 def acceleration(power, torque, speed, damping, inertia):
     """Derivative of the speed of a PSS/E machine."""
-    return ((power - damping * (speed - 1)) / speed - torque) / (2 * inertia)
+    return ((power - damping * (speed - 1.0)) / speed - torque) / (2.0 * inertia)
 
 
 @njit
@@ -104,7 +104,7 @@ def rotor_rates(x, u, p, y, dx, i, s):
     """Derivatives of unit `i`: swing equation, field and dampers, with S = `s`."""
     i_d, i_q, psi_d, psi_q = y[ID, i], y[IQ, i], y[PSI_D, i], y[PSI_Q, i]
     torque = psi_d * i_q - psi_q * i_d
-    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
+    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1.0)
     dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
     dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
     dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]

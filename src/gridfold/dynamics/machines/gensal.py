@@ -92,7 +92,7 @@ def rotor_rates(x, u, p, y, dx, i, excess):
     """
     i_d, i_q = y[ID, i], y[IQ, i]
     torque = y[PSI_D, i] * i_q - x[PSI_Q, i] * i_d
-    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
+    dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1.0)
     dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
     dx[EQ1, i] = (u[EFD, i] - y[IFD, i]) / p[TD1, i]
     dx[PSI_1D, i] = (x[EQ1, i] - (p[XD1, i] - p[XL, i]) * i_d - x[PSI_1D, i]) / p[TD2, i]

@@ -118,7 +118,7 @@ def derivative(x, u, p, y, dx):
     for i in range(x.shape[1]):
         i_r, i_i = y[IR, i], y[II, i]
         squared = i_r * i_r + i_i * i_i
-        dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1)
+        dx[DELTA, i] = p[BASE_SPEED, i] * (x[OMEGA, i] - 1.0)
         torque = y[P, i] + p[RA, i] * squared
         dx[OMEGA, i] = acceleration(u[PM, i], torque, x[OMEGA, i], p[D, i], p[H, i])
         x_q1 = transient(p, i)

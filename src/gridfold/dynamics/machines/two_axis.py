@@ -47,10 +47,10 @@ def derivative(x, u, p, y, dx):
     """Swing equation and transient voltages."""
     for i in range(x.shape[1]):
         i_d, i_q = y[ID, i], y[IQ, i]
-        slip = x[OMEGA, i] - 1
+        slip = x[OMEGA, i] - 1.0
         power = x[ED1, i] * i_d + x[EQ1, i] * i_q
         dx[DELTA, i] = p[BASE_SPEED, i] * slip
-        dx[OMEGA, i] = (u[PM, i] - power - p[D, i] * slip) / (2 * p[H, i])
+        dx[OMEGA, i] = (u[PM, i] - power - p[D, i] * slip) / (2.0 * p[H, i])
         dx[ED1, i] = (-x[ED1, i] + (p[XQ, i] - p[XQ1, i]) * i_q) / p[TQ0, i]
         dx[EQ1, i] = (-x[EQ1, i] - (p[XD, i] - p[XD1, i]) * i_d + u[EFD, i]) / p[TD0, i]
 
