@@ -169,7 +169,7 @@ def batch_rhs(
     With `own_networks` each may have the network of another operating point by :meth:`BatchRhs.seat`.
     """
     layout = model.layout
-    wide = _side_by_side(layout, members)
+    wide = side_by_side(layout, members)
     factors = column_factors(model.equations, every_bus=False)
     scratch = factors.n_rows * ROW
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
@@ -215,7 +215,7 @@ def kernel_parameters(block: Block) -> NDArray[np.float64]:
     return np.concatenate([block.parameters, inverses])
 
 
-def _side_by_side(layout: Layout, members: int) -> Layout:
+def side_by_side(layout: Layout, members: int) -> Layout:
     """The layout of which each entry stands for all members."""
 
     def places(index: NDArray[np.int64]) -> NDArray[np.int64]:
