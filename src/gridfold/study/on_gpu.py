@@ -46,7 +46,8 @@ def choose_device(
     if asked is RunsOn.AUTO and (simulated() or why_no_gpu() is not None):
         return False, ()
     stepper = prepared.method.stepper
-    reason = why_one_by_one(prepared) or why_not_on_gpu(prepared.model, stepper)
+    reason = None if prepared.small is None else "they are simulated on reduced models"
+    reason = reason or why_one_by_one(prepared) or why_not_on_gpu(prepared.model, stepper)
     reason = reason or _trial(prepared)
     if reason is not None:
         return False, (f"contingencies run on the CPU, not on a GPU: {reason}",)

@@ -121,6 +121,11 @@ class BatchRhs:
             columns = self.compiled.reals[at : at + values.size * self.members]
             columns.reshape(*values.shape, self.members)[:, :, member] = values
 
+    @property
+    def currents(self) -> int:
+        """Address of a function of the same signature that finds currents and compensation alone."""
+        return int(_compiled_currents().address)
+
     def put(
         self, member: int, change: NetworkChange | None, units_out: Collection[UnitKey]
     ) -> None:
@@ -315,20 +320,39 @@ def _compensate(integers, reals, work, first, rank):
             store_lanes(voltages, imaginary, v_i + z_r * j_i + z_i * j_r)
 
 
-def _batch_rhs(integers, reals, work, x, dx):
+@compiled_part
+def _find_currents(integers, reals, work, x, dx):
     for i in range(0, integers[N_STATES], WIDTH):
         store_lanes(work, i, load_lanes(x, i))
     load_constants(integers, reals, work)
-    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
-    run_calls(0, n_source, integers, reals, work, x, dx)
+    run_calls(0, integers[N_SOURCE_CALLS], integers, reals, work, x, dx)
     _add_currents(integers, reals, work)
+
+
+def _batch_rhs(integers, reals, work, x, dx):
+    _find_currents(integers, reals, work, x, dx)
     _solve(integers, reals, work)
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(n_source, n_output, integers, reals, work, x, dx)
     run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
     for k in range(integers[N_FROZEN]):
         dx[integers[integers[FROZEN_AT] + k]] = 0.0
 
 
+def _currents(integers, reals, work, x, dx):
+    _find_currents(integers, reals, work, x, dx)
+    members = integers[MEMBERS]
+    for group in range(members // WIDTH):
+        if integers[integers[RANKS_AT] + group]:
+            _solve(integers, reals, work)
+            return
+
+
 @cache
 def _compiled() -> Any:
     return compile_callback(_batch_rhs, RHS_SIGNATURE)
+
+
+@cache
+def _compiled_currents() -> Any:
+    return compile_callback(_currents, RHS_SIGNATURE)

@@ -1,0 +1,89 @@
+"""Lowest and highest voltages along a run that is over: rows of the run are what stands side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.batch.change import NetworkChange
+from gridfold.dynamics.batch.rhs import BatchRhs, batch_rhs
+from gridfold.dynamics.batch.voltages import VoltageExtreme, VoltageObserver, voltage_observer
+from gridfold.dynamics.model import DetailedModel
+from gridfold.grid.case import UnitKey
+from gridfold.numerics.compiled import FAST, invoke, jit
+from gridfold.numerics.lanes import WIDTH
+
+Extremes = tuple[VoltageExtreme | None, VoltageExtreme | None]
+
+
+@dataclass
+class RowVoltages:
+    """Extremes of the voltages of energized buses along rows of states.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The intact network, whose loads are impedances.
+    rank : int
+        The largest rank of a change that there is room for.
+    """
+
+    model: DetailedModel
+    rank: int
+    index: NDArray[np.int64] = field(init=False)
+    _rhs: BatchRhs = field(init=False)
+    _seen: VoltageObserver = field(init=False)
+
+    def __post_init__(self) -> None:
+        sources = [b.state_index.ravel() for b in self.model.layout.blocks if b.device.source]
+        #: Positions of the states from which the currents of machines follow.
+        self.index = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *sources]))
+        self._rhs = batch_rhs(self.model, WIDTH, self.rank)
+        self._seen = voltage_observer(self._rhs)
+        compiled = self._rhs.compiled
+        self._x = np.repeat(self.model.x0, WIDTH)
+        self._dx, self._work = np.zeros(compiled.n_states), np.zeros(compiled.work_size)
+
+    def begin(self, change: NetworkChange | None, units_out: Collection[UnitKey]) -> None:
+        """What follows is on the network with `change`, without `units_out`."""
+        for place in range(WIDTH):
+            self._rhs.put(place, change, units_out)
+            self._seen.put(place, change)
+
+    def take(self, states: NDArray[np.float64], first: int) -> None:
+        """The next rows (n, m): the states at the positions `index`. `first` is the number of the first."""
+        compiled, seen = self._rhs.compiled, self._seen.observer
+        _look_along(
+            self._rhs.currents, compiled.integers, compiled.reals, self._work, self._x, self._dx,
+            self.index, np.ascontiguousarray(states), first,
+            seen.address, seen.integers, seen.reals, seen.scratch,
+        )  # fmt: skip
+
+    def extremes(self) -> Extremes:
+        """Lowest and highest voltage since :meth:`begin`, the earliest where there are several."""
+        found = [self._seen.extremes(place) for place in range(WIDTH)]
+        lows = [low for low, _ in found if low is not None]
+        highs = [high for _, high in found if high is not None]
+        return (
+            min(lows, key=lambda item: (item.value, item.row), default=None),
+            min(highs, key=lambda item: (-item.value, item.row), default=None),
+        )
+
+
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
+def _look_along(
+    currents, integers, reals, work, x, dx, index, states, first,
+    observer, o_integers, o_reals, o_scratch,
+):  # fmt: skip
+    last = len(states) - 1
+    for start in range(0, len(states), WIDTH):
+        for b in range(WIDTH):
+            row = min(start + b, last)
+            o_reals[b] = first + row
+            for k in range(len(index)):
+                x[index[k] * WIDTH + b] = states[row, k]
+        invoke(currents, (integers, reals, work, x, dx))
+        invoke(observer, (o_integers, o_reals, work, x, o_scratch))
