@@ -413,6 +413,7 @@ def simulate_adaptive(
     """
     method = fit_stepper(model, stepper)
     small = family if isinstance(family, SmallModels) else SmallModels(family)
+    check_states(model, t_end, method.stepper.step)
     spent = small.seconds
     ready = ready_adaptive(model, small, rule, events, t_end, method, criterion, store)
     began = clock.perf_counter()
@@ -433,7 +434,6 @@ def ready_adaptive(
 ) -> ReadyRun:
     """A checked disturbance with its plan, for someone else to integrate."""
     began = clock.perf_counter()
-    check_states(model, t_end, method.stepper.step)
     stages = plan_simulation(model, events, t_end, store)
     protection = protection_among(events, model)
     blind = ""

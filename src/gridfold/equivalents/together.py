@@ -13,12 +13,12 @@ from itertools import takewhile
 import numpy as np
 
 from gridfold.dynamics.batch.change import NetworkChange, NetworkChanges
-from gridfold.dynamics.batch.row_voltages import RowVoltages
+from gridfold.dynamics.batch.row_voltages import RowLift, RowVoltages
 from gridfold.dynamics.batch.voltages import VoltageExtreme
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_model import PortModel
 from gridfold.equivalents.adaptive import AdaptiveRun, ReadyRun, ready_adaptive
-from gridfold.equivalents.families import ModelFamily
+from gridfold.equivalents.families import ModelFamily, affine_rows
 from gridfold.equivalents.leg_columns import DetailedColumns, LegColumns, PortColumns, watches_of
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
@@ -33,9 +33,11 @@ from gridfold.runs.extremes import Extreme, VoltageRange
 from gridfold.runs.members import network_change
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import ModelStore
+from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import Carried, Leg, Run, carry, run_legs
+from gridfold.simulation.segment import Segment
 
 #: What came of a disturbance: its run, or why there is none.
 Outcome = AdaptiveRun | GridfoldError
@@ -77,6 +79,7 @@ def simulate_adaptive_batch(
     if reason is not None:
         raise OptionError(f"runs do not go side by side: {reason}")
     small = family if isinstance(family, SmallModels) else SmallModels(family)
+    check_states(model, t_end, method.stepper.step)
     store = {model.state: model} if store is None else store
     ready: dict[int, ReadyRun] = {}
     for number, events in enumerate(disturbances):
@@ -112,6 +115,7 @@ class _Together:
     ready: dict[int, ReadyRun]
     changes: dict[NetworkState, NetworkChange | None] = field(default_factory=dict)
     ports: dict[tuple[int, ...], PortColumns[_Running]] = field(default_factory=dict)
+    lifts: dict[int | None, tuple[RowLift, Segment]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         finder = NetworkChanges(self.model.equations)
@@ -200,6 +204,16 @@ class _Together:
             self.ports[key] = PortColumns(system, watches, self._rows(self.t_end), self.stepper)
         return self.ports[key] if self.ports[key].takes(leg) else None
 
+    def _lift(self, segment: Segment) -> RowLift:
+        """The way from a segment's states to those from which currents follow."""
+        coordinates, index = segment.coordinates, self.voltages.index
+        key = None if coordinates is None else id(segment.system)
+        if key not in self.lifts:
+            n = segment.system.compiled.n_states
+            origin, slopes = affine_rows(coordinates, n, index)
+            self.lifts[key] = RowLift.of(origin, slopes.T), segment
+        return self.lifts[key][0]
+
     def _with_voltages(self, run: Trajectory) -> Trajectory:
         """The run with the extremes of its voltages after the last event."""
         state = run.parts[-1].model.state
@@ -210,7 +224,8 @@ class _Together:
         self.voltages.begin(self.changes[state], state.units_out)
         row = 0
         for part in parts:
-            self.voltages.take(part.states_at(self.voltages.index), row)
+            lift = self._lift(part.piece.segment)
+            self.voltages.take(part.piece.states[part.rows], lift, row)
             row += len(part)
         low, high = self.voltages.extremes()
         times = np.concatenate([part.times for part in parts])

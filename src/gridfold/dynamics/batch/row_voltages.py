@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from gridfold.dynamics.batch.change import NetworkChange
 from gridfold.dynamics.batch.rhs import BatchRhs, batch_rhs
@@ -14,7 +15,7 @@ from gridfold.dynamics.batch.voltages import VoltageExtreme, VoltageObserver, vo
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import FAST, invoke, jit
-from gridfold.numerics.lanes import WIDTH
+from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
 
 Extremes = tuple[VoltageExtreme | None, VoltageExtreme | None]
 
@@ -46,19 +47,25 @@ class RowVoltages:
         compiled = self._rhs.compiled
         self._x = np.repeat(self.model.x0, WIDTH)
         self._dx, self._work = np.zeros(compiled.n_states), np.zeros(compiled.work_size)
+        self._network: tuple[NetworkChange | None, Collection[UnitKey]] = (None, ())
 
     def begin(self, change: NetworkChange | None, units_out: Collection[UnitKey]) -> None:
         """What follows is on the network with `change`, without `units_out`."""
+        if self._network[0] is not change or self._network[1] != units_out:
+            self._network = change, units_out
+            for place in range(WIDTH):
+                self._rhs.put(place, change, units_out)
         for place in range(WIDTH):
-            self._rhs.put(place, change, units_out)
             self._seen.put(place, change)
 
-    def take(self, states: NDArray[np.float64], first: int) -> None:
-        """The next rows (n, m): the states at the positions `index`. `first` is the number of the first."""
+    def take(self, states: NDArray[np.float64], lift: RowLift, first: int) -> None:
+        """The next rows (n, r), and the way to the whole's states; `first` is the number of the first."""
         compiled, seen = self._rhs.compiled, self._seen.observer
+        rows = np.ascontiguousarray(states)
         _look_along(
             self._rhs.currents, compiled.integers, compiled.reals, self._work, self._x, self._dx,
-            self.index, np.ascontiguousarray(states), first,
+            self.index, rows, np.zeros(rows.shape[1] * WIDTH), first,
+            lift.origin, lift.begins, lift.columns, lift.slopes,
             seen.address, seen.integers, seen.reals, seen.scratch,
         )  # fmt: skip
 
@@ -73,17 +80,47 @@ class RowVoltages:
         )
 
 
+@dataclass(frozen=True)
+class RowLift:
+    """Some states of the whole system as origin + slopes v; of the slopes what is not zero, by rows.
+
+    Parameters
+    ----------
+    origin : ndarray, shape (m,)
+        The states where v is zero.
+    begins, columns, slopes : ndarrays
+        A sparse matrix of shape (m, r), as SciPy's CSR has it.
+    """
+
+    origin: NDArray[np.float64]
+    begins: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    slopes: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, origin: NDArray[np.float64], slopes: NDArray[np.float64]) -> RowLift:
+        """From a dense matrix of slopes, (m, r)."""
+        sparse = csr_array(slopes)
+        begins, columns = sparse.indptr.astype(np.int64), sparse.indices.astype(np.int64)
+        return cls(origin, begins, columns, sparse.data)
+
+
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _look_along(
-    currents, integers, reals, work, x, dx, index, states, first,
+    currents, integers, reals, work, x, dx, index, states, v, first, origin, begins, columns, slopes,
     observer, o_integers, o_reals, o_scratch,
 ):  # fmt: skip
-    last = len(states) - 1
+    last, n = len(states) - 1, states.shape[1]
     for start in range(0, len(states), WIDTH):
         for b in range(WIDTH):
             row = min(start + b, last)
             o_reals[b] = first + row
-            for k in range(len(index)):
-                x[index[k] * WIDTH + b] = states[row, k]
+            for j in range(n):
+                v[j * WIDTH + b] = states[row, j]
+        for k in range(len(index)):
+            total = all_lanes(origin[k])
+            for e in range(begins[k], begins[k + 1]):
+                total = total + slopes[e] * load_lanes(v, columns[e] * WIDTH)
+            store_lanes(x, index[k] * WIDTH, total)
         invoke(currents, (integers, reals, work, x, dx))
         invoke(observer, (o_integers, o_reals, work, x, o_scratch))
