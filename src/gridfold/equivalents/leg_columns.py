@@ -1,10 +1,11 @@
-"""Columns in which legs of many runs are stepped side by side: detailed ones, or those of one port model."""
+"""Columns in which legs of many runs are stepped side by side: detailed ones, or of one port model."""
 
 from __future__ import annotations
 
 import time as clock
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import zip_longest
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from gridfold.dynamics.batch.ports import batch_ports
 from gridfold.dynamics.batch.rhs import batch_rhs
 from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_model import PortModel
+from gridfold.grid.case import UnitKey
 from gridfold.grid.network_state import NetworkState
 from gridfold.numerics.columns import BEYOND, GOES_ON, Columns, Spread
 from gridfold.numerics.lanes import WIDTH
@@ -134,9 +136,7 @@ class LegColumns(Generic[Runner]):
 class PortColumns(LegColumns[Runner]):
     """Legs of one port model with the same watches."""
 
-    def __init__(
-        self, system: PortModel, watches: Sequence[Watch], length: int, stepper: Stepper
-    ):
+    def __init__(self, system: PortModel, watches: Sequence[Watch], length: int, stepper: Stepper):
         rest = system.restrict(system.parts.model.x0)
         rhs = batch_ports(system.parts, WIDTH)
         super().__init__(rhs, rest, length, stepper, judges=watches)
@@ -185,14 +185,17 @@ class DetailedColumns(LegColumns[Runner]):
         )
 
     def _put(self, column: int, leg: Leg | None) -> None:
-        change, out, watches = None, frozenset(), (None, None)
+        change: NetworkChange | None = None
+        out: Collection[UnitKey] = ()
+        watches: tuple[Watch, ...] = ()
         if leg is not None:
             system = leg.segment.system
             assert isinstance(system, DetailedModel)
             change, out = self._changes[system.state], system.state.units_out
-            watches = watches_of(leg.segment) or watches
+            watches = watches_of(leg.segment)
         self._rhs.put(column, change, out)
-        for spread, watch in zip(self.columns.watches, watches, strict=True):
+        for spread, watch in zip_longest(self.columns.watches, watches):
+            assert watch is None or isinstance(watch, SpreadWatch)
             spread.put(column, watch)
 
     def _fired(self, column: int, leg: Leg) -> int:

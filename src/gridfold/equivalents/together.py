@@ -1,7 +1,7 @@
 """Adaptive runs side by side: legs of one kind share columns, others go on alone.
 
-A run asks its plan what comes next, as one that is alone does; only who integrates the leg differs. A run
-goes from the columns of the detailed model to those of a small one when its own fault is cleared.
+A run asks its plan what comes next, as one that is alone does; only who integrates the leg differs.
+It goes from the columns of the detailed model to those of a small one when its own fault is cleared.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import GridfoldError, OptionError
 from gridfold.grid.change import Event
 from gridfold.grid.network_state import NetworkState
-from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, why_single

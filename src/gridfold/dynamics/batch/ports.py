@@ -165,7 +165,9 @@ def _add_currents(integers, work):
     machines = integers[integers[MACHINES_AT] :]
     for s in range(integers[N_MACHINES]):
         real, imaginary = machines[3 * s] * members, machines[3 * s + 1] * members
-        _add_rows(work[real:], work[imaginary:], currents, machines[3 * s + 2] * members, n, members)
+        _add_rows(
+            work[real:], work[imaginary:], currents, machines[3 * s + 2] * members, n, members
+        )
     ports = work[integers[PORT_WORK_AT] :]
     for p in range(n_ports):
         real, imaginary = (_REAL * n_ports + p) * members, (_IMAGINARY * n_ports + p) * members

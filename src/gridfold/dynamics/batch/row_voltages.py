@@ -1,4 +1,4 @@
-"""Lowest and highest voltages along a run that is over: rows of the run are what stands side by side."""
+"""Lowest and highest voltages along a run that is over: its rows stand side by side."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class RowVoltages:
             self._seen.put(place, change)
 
     def take(self, states: NDArray[np.float64], lift: RowLift, first: int) -> None:
-        """The next rows (n, r), and the way to the whole's states; `first` is the number of the first."""
+        """The next rows (n, r), from number `first` on, and the way to the whole's states."""
         compiled, seen = self._rhs.compiled, self._seen.observer
         rows = np.ascontiguousarray(states)
         _look_along(
