@@ -137,6 +137,7 @@ class PortColumns(LegColumns[Runner]):
     """Legs of one port model with the same watches."""
 
     def __init__(self, system: PortModel, watches: Sequence[Watch], length: int, stepper: Stepper):
+        self.system = system
         rest = system.restrict(system.parts.model.x0)
         rhs = batch_ports(system.parts, WIDTH)
         super().__init__(rhs, rest, length, stepper, judges=watches)
