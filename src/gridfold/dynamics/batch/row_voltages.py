@@ -39,9 +39,8 @@ class RowVoltages:
     _seen: VoltageObserver = field(init=False)
 
     def __post_init__(self) -> None:
-        sources = [b.state_index.ravel() for b in self.model.layout.blocks if b.device.source]
-        #: Positions of the states from which the currents of machines follow.
-        self.index = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *sources]))
+        #: Positions of the states that are looked at.
+        self.index = self.model.source_states
         self._rhs = batch_rhs(self.model, WIDTH, self.rank)
         self._seen = voltage_observer(self._rhs)
         compiled = self._rhs.compiled
