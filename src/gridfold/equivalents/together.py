@@ -12,7 +12,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from gridfold.dynamics.batch.change import NetworkChange, NetworkChanges
+from gridfold.dynamics.batch.change import NetworkChange
 from gridfold.dynamics.batch.row_voltages import RowLift, RowVoltages
 from gridfold.dynamics.batch.voltages import VoltageExtreme
 from gridfold.dynamics.model import DetailedModel
@@ -29,7 +29,7 @@ from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, why_single
 from gridfold.runs.extremes import Extreme, VoltageRange
-from gridfold.runs.members import network_change
+from gridfold.runs.members import Basis
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.simulate import ModelStore
 from gridfold.runs.size import check_states
@@ -117,16 +117,16 @@ class _Together:
     lifts: dict[int | None, tuple[RowLift, Segment]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        finder = NetworkChanges(self.model.equations)
+        basis = Basis(self.model, None)
         self.changes[self.model.state] = None
         lengths = [1]
         for run in self.ready.values():
             plan = run.plan.plan
             for stage, system, end in zip(plan.stages, plan.models, plan.ends, strict=True):
                 if system.state not in self.changes:
-                    change = network_change(finder, self.model, system)
-                    if change is not None:
-                        self.changes[system.state] = change
+                    found = basis.network(system, settings=False)
+                    if found is not None:
+                        self.changes[system.state] = found[0]
                 if system.state.faulted:
                     lengths.append(self._rows(end - stage.start))
         self.detailed: DetailedColumns[_Running] = DetailedColumns(

@@ -19,8 +19,7 @@ from gridfold.dynamics.batch.factors import (
     solve_group,
     take_voltages,
 )
-from gridfold.dynamics.batch.rhs import side_by_side
-from gridfold.dynamics.device import batch_kernel
+from gridfold.dynamics.batch.rhs import batch_form, side_by_side
 from gridfold.dynamics.network.backend import CompiledNetwork
 from gridfold.dynamics.port_model import PortParts
 from gridfold.dynamics.port_rhs import mover_slots
@@ -39,7 +38,7 @@ from gridfold.dynamics.rhs import (
 )
 from gridfold.numerics.compiled import compile_callback, compiled_part
 from gridfold.numerics.elementary import angle, exponential, logarithm, sine_cosine
-from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.lanes import WIDTH, aligned, all_lanes, load_lanes, store_lanes
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 # The header goes on behind that of the detailed model.
@@ -76,13 +75,14 @@ def batch_ports(parts: PortParts, members: int) -> CompiledRhs:
     factors = column_factors(equations, every_bus=False)
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), factors.n_rows * ROW)
     constants = np.repeat(parts.constants, members)
-    data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=batch_kernel)
+    compiled_of = batch_form(layout)
+    data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=compiled_of)
     header, integers, reals = data.header, data.integers, data.reals
     order, n_ports = area.order, len(area.current)
     header[MEMBERS] = members
     header[[N_MACHINES, MACHINES_AT]] = len(layout.sources), integers.add(layout.sources)
     header[FACTORS_AT] = integers.add(factors.integers)
-    header[FACTOR_REALS_AT] = reals.add(factors.reals)
+    header[FACTOR_REALS_AT] = reals.add(factors.values(equations))
     header[[ORDER, N_PAIRS]] = order, len(area.coupling)
     header[[N_PORTS, PORTS_AT]] = n_ports, integers.add(parts.ports)
     header[MIDDLE_AT], header[SLOPES_AT] = reals.add(area.middle[:, :4]), reals.add(area.c)
@@ -95,7 +95,7 @@ def batch_ports(parts: PortParts, members: int) -> CompiledRhs:
     return CompiledRhs(
         _compiled().address,
         np.concatenate([header, integers.join()]),
-        reals.join(),
+        aligned(reals.join()),
         data.work_size + _BLOCKS * n_ports * members,
         (layout.n_states + order) * members,
     )

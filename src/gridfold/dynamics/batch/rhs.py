@@ -8,7 +8,7 @@ written into the data by :meth:`BatchRhs.put`, another operating point by :meth:
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -179,11 +179,7 @@ def batch_rhs(
     scratch = factors.n_rows * ROW
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
     constants = np.repeat(model.constants, members)
-    derivatives = {block.device.derivative for block in layout.blocks}
-
-    def compiled_of(kernel: Kernel) -> Any:
-        return (batch_derivative if kernel in derivatives else batch_kernel)(kernel)
-
+    compiled_of = batch_form(layout)
     data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=compiled_of)
     header, integers, reals = data.header, data.integers, data.reals
     n, groups = len(layout.terminals), members // WIDTH
@@ -210,6 +206,16 @@ def batch_rhs(
         layout.n_states * members,
     )
     return BatchRhs(model, compiled, members, rank, factors, own_networks, data.parameters_at)
+
+
+def batch_form(layout: Layout) -> Callable[[Kernel], Any]:
+    """What gives the compiled form of the kernels of a layout :func:`side_by_side`."""
+    derivatives = {block.device.derivative for block in layout.blocks}
+
+    def compiled_of(kernel: Kernel) -> Any:
+        return (batch_derivative if kernel in derivatives else batch_kernel)(kernel)
+
+    return compiled_of
 
 
 def kernel_parameters(block: Block) -> NDArray[np.float64]:

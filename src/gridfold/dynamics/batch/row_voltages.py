@@ -15,7 +15,14 @@ from gridfold.dynamics.batch.voltages import VoltageExtreme, VoltageObserver, vo
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.compiled import FAST, invoke, jit
-from gridfold.numerics.lanes import WIDTH, all_lanes, load_lanes, store_lanes
+from gridfold.numerics.lanes import (
+    WIDTH,
+    aligned,
+    aligned_zeros,
+    all_lanes,
+    load_lanes,
+    store_lanes,
+)
 
 Extremes = tuple[VoltageExtreme | None, VoltageExtreme | None]
 
@@ -44,8 +51,8 @@ class RowVoltages:
         self._rhs = batch_rhs(self.model, WIDTH, self.rank)
         self._seen = voltage_observer(self._rhs)
         compiled = self._rhs.compiled
-        self._x = np.repeat(self.model.x0, WIDTH)
-        self._dx, self._work = np.zeros(compiled.n_states), np.zeros(compiled.work_size)
+        self._x = aligned(np.repeat(self.model.x0, WIDTH))
+        self._dx, self._work = np.zeros(compiled.n_states), aligned_zeros(compiled.work_size)
         self._network: tuple[NetworkChange | None, Collection[UnitKey]] = (None, ())
 
     def begin(self, change: NetworkChange | None, units_out: Collection[UnitKey]) -> None:
@@ -63,7 +70,7 @@ class RowVoltages:
         rows = np.ascontiguousarray(states)
         _look_along(
             self._rhs.currents, compiled.integers, compiled.reals, self._work, self._x, self._dx,
-            self.index, rows, np.zeros(rows.shape[1] * WIDTH), first,
+            self.index, rows, aligned_zeros(rows.shape[1] * WIDTH), first,
             lift.origin, lift.begins, lift.columns, lift.slopes,
             seen.address, seen.integers, seen.reals, seen.scratch,
         )  # fmt: skip
