@@ -19,6 +19,7 @@ from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.saved import load_reduced, save_reduced
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.equivalents.together import simulate_adaptive_batch
 from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.equivalents.warm_up import WarmUp, warm_up
 from gridfold.errors import (
@@ -239,6 +240,7 @@ __all__ = [
     "save_reduced",
     "simulate",
     "simulate_adaptive",
+    "simulate_adaptive_batch",
     "simulate_batch",
     "single_sample",
     "small_signal",

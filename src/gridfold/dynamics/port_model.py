@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.dynamics.layout import Group, build_layout, frame_states
+from gridfold.dynamics.layout import Group, Layout, build_layout, frame_states
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.network.equations import NetworkEquations
 from gridfold.dynamics.port_network import load_buses, port_network
 from gridfold.dynamics.port_rhs import LinearPorts, pack_port_rhs
 from gridfold.grid.case import UnitKey
@@ -60,6 +61,37 @@ class PortCoordinates:
 
 
 @dataclass(frozen=True)
+class PortParts:
+    """What the right-hand side of a port model is made of.
+
+    Parameters
+    ----------
+    model : DetailedModel
+        The whole system in the network state of the port model.
+    layout : Layout
+        The exact units, with ports among its terminals.
+    constants : ndarray
+        Values of its constants.
+    ports : ndarray of int, shape (p,)
+        The terminal of each port.
+    area : LinearPorts
+        The linear area as its ports know it.
+    """
+
+    model: DetailedModel
+    layout: Layout
+    constants: NDArray[np.float64]
+    ports: NDArray[np.int64]
+    area: LinearPorts
+
+    @property
+    def equations(self) -> NetworkEquations:
+        """The network as seen from the terminals."""
+        index = self.model.case.bus_index
+        return self.model.equations.seen_from([index[bus] for bus in self.layout.terminals])
+
+
+@dataclass(frozen=True)
 class PortModel(PortCoordinates):
     """A system v = (exact states, z).
 
@@ -69,10 +101,13 @@ class PortModel(PortCoordinates):
         The right-hand side.
     state_names : tuple of str
         Names of v.
+    parts : PortParts
+        What the right-hand side is made of.
     """
 
     compiled: CompiledRhs = field(repr=False)
     state_names: tuple[str, ...] = field(repr=False)
+    parts: PortParts = field(repr=False)
 
 
 def port_coordinates(
@@ -123,17 +158,20 @@ def build_port_model(
     found = port_network(model, layout.terminals, study, origin)
     out = model.state.units_out
     angles = frame_states(layout.state_names, out).tolist()
+    constants = np.array([values[name] for name in layout.constant_names])
+    places = np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64)
     compiled = pack_port_rhs(
         layout,
-        np.array([values[name] for name in layout.constant_names]),
+        constants,
         found.network,
-        np.array([layout.terminals.index(bus) for bus in ports], dtype=np.int64),
+        places,
         area,
         (angles, origin[index[angles]]) if found.turns else ((), ()),
         out,
     )
     names = (*layout.state_names, *(f"z:{k + 1}" for k in range(area.order)))
-    return PortModel(index, area_index, states, compiled, names)
+    parts = PortParts(model, layout, constants, places, area)
+    return PortModel(index, area_index, states, compiled, names, parts)
 
 
 def _exact_groups(

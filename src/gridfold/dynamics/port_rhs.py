@@ -241,7 +241,7 @@ def pack_port_rhs(
     header[ANGLE_REFERENCE_AT] = data.reals.add(angles[1])
     if area.movers is not None:
         header[N_MOVERS] = len(area.movers.units)
-        header[MOVERS_AT] = data.integers.add(_mover_slots(layout, area.movers.units))
+        header[MOVERS_AT] = data.integers.add(mover_slots(layout, area.movers.units))
         header[MOVER_REALS_AT] = data.reals.add(area.movers.reals)
     return CompiledRhs(
         address=_compiled().address,
@@ -252,7 +252,7 @@ def pack_port_rhs(
     )
 
 
-def _mover_slots(layout: Layout, units: Collection[UnitKey]) -> list[int]:
+def mover_slots(layout: Layout, units: Collection[UnitKey]) -> list[int]:
     """Where the speeds, then the mechanical powers of `units` stand among the signals."""
     names = ("speed", "mechanical_power")
     return [layout.signal_slots[unit, name] for name in names for unit in units]

@@ -41,6 +41,7 @@ from gridfold.grid.timeline import Stage
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.steppers import Stepper
 from gridfold.numerics.watch import Watch
+from gridfold.runs.method import Choice as MethodChoice
 from gridfold.runs.method import fit_stepper
 from gridfold.runs.notices import Notice, in_order, stage_notices
 from gridfold.runs.protection import Protection, protection_among
@@ -48,7 +49,7 @@ from gridfold.runs.simulate import INSTANT, ModelStore, SimulationPlan, plan_sim
 from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
-from gridfold.simulation.run import run_plan
+from gridfold.simulation.run import Run, run_plan
 from gridfold.simulation.segment import Piece, Segment
 
 #: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
@@ -412,34 +413,71 @@ def simulate_adaptive(
     """
     method = fit_stepper(model, stepper)
     small = family if isinstance(family, SmallModels) else SmallModels(family)
-    spent = small.seconds
-    began = clock.perf_counter()
     check_states(model, t_end, method.stepper.step)
+    spent = small.seconds
+    ready = ready_adaptive(model, small, rule, events, t_end, method, criterion, store)
+    began = clock.perf_counter()
+    run = run_plan(ready.plan, ready.x0, method.stepper)
+    reduction = small.seconds - spent
+    return ready.finished(run, clock.perf_counter() - began - reduction, reduction)
+
+
+def ready_adaptive(
+    model: DetailedModel,
+    small: SmallModels,
+    rule: SwitchingRule,
+    events: Sequence[Event],
+    t_end: float,
+    method: MethodChoice,
+    criterion: SynchronismCriterion | None,
+    store: ModelStore | None,
+) -> ReadyRun:
+    """A checked disturbance with its plan, for someone else to integrate."""
+    began = clock.perf_counter()
     stages = plan_simulation(model, events, t_end, store)
     protection = protection_among(events, model)
     blind = ""
     if protection is not None:
         blind = blind_spots(protection.elements, small.family, model.case)
     plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step, protection, blind)
-    ready = clock.perf_counter()
-    run = run_plan(plan, stages.x0, method.stepper)
-    notices = plan.notices(run.pieces)
-    notices += [Notice(0.0, f"the detailed model throughout: {blind}")] if blind else []
-    done = clock.perf_counter()
-    reduction = small.seconds - spent
-    reached = plan.plan.reached(float(run.pieces[-1].times[-1]))
-    trajectory = Trajectory(
-        model=model,
-        run=run,
-        models=tuple(plan.models),
-        events=tuple(events),
-        notices=in_order(*stages.step_notices(method), *stage_notices(*reached), *notices),
-        stepper=method.stepper,
-        criterion=criterion,
-        t_end=t_end,
-        setup_seconds=ready - began,
-        simulation_seconds=done - ready - reduction,
-        method_reason=method.reason,
-        study_buses=small.family.parts.study_buses,
-    )
-    return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))
+    return ReadyRun(model, plan, tuple(events), t_end, method, clock.perf_counter() - began)
+
+
+@dataclass(frozen=True)
+class ReadyRun:
+    """A disturbance that waits to be integrated, and what it took to get there (s)."""
+
+    model: DetailedModel
+    plan: AdaptivePlan
+    events: tuple[Event, ...]
+    t_end: float
+    method: MethodChoice
+    seconds: float
+
+    @property
+    def x0(self) -> NDArray[np.float64]:
+        """The state at the start."""
+        return self.plan.plan.x0
+
+    def finished(self, run: Run, seconds: float, reduction: float) -> AdaptiveRun:
+        """What came of it in so many seconds of integration, and of building reduced models."""
+        plan, method = self.plan, self.method
+        notices = plan.notices(run.pieces)
+        notices += [Notice(0.0, f"the detailed model throughout: {plan.blind}")] * bool(plan.blind)
+        reached = plan.plan.reached(float(run.pieces[-1].times[-1]))
+        steps = plan.plan.step_notices(method)
+        trajectory = Trajectory(
+            model=self.model,
+            run=run,
+            models=tuple(plan.models),
+            events=self.events,
+            notices=in_order(*steps, *stage_notices(*reached), *notices),
+            stepper=method.stepper,
+            criterion=plan.criterion,
+            t_end=self.t_end,
+            setup_seconds=self.seconds,
+            simulation_seconds=seconds,
+            method_reason=method.reason,
+            study_buses=plan.small.family.parts.study_buses,
+        )
+        return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))

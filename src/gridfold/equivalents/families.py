@@ -69,9 +69,7 @@ class SmallModel:
         if not lifts_rows(self.coordinates):
             origin, slopes = self.affine
             return origin[index], slopes[:, index]
-        size = self.system.compiled.n_states
-        at = self.coordinates.lift_rows(np.zeros(size), index)
-        return at, self.coordinates.lift_rows(np.eye(size), index) - at
+        return affine_rows(self.coordinates, self.system.compiled.n_states, index)
 
     @cached_property
     def restriction(self) -> NDArray[np.float64]:
@@ -80,6 +78,20 @@ class SmallModel:
         at = self.coordinates.restrict(origin)
         columns = [self.coordinates.restrict(origin + unit) - at for unit in np.eye(len(origin))]
         return np.ascontiguousarray(np.column_stack(columns))
+
+
+def affine_rows(
+    coordinates: Coordinates | None, size: int, index: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The whole system's states at `index` (m,) as origin + v @ slopes, from v (size,)."""
+    if coordinates is None:
+        return np.zeros(len(index)), np.eye(size)[:, index]
+    zero, unit = np.zeros(size), np.eye(size)
+    if lifts_rows(coordinates):
+        origin = coordinates.lift_rows(zero, index)
+        return origin, coordinates.lift_rows(unit, index) - origin
+    origin = coordinates.lift(zero)[index]
+    return origin, coordinates.lift(unit)[:, index] - origin
 
 
 class Mode(Enum):

@@ -10,6 +10,7 @@ The steps are those of :mod:`gridfold.numerics.steppers.rk4` and :mod:`gridfold.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,7 +29,7 @@ from gridfold.numerics.lanes import (
     store_lanes,
 )
 from gridfold.numerics.rhs import CompiledRhs
-from gridfold.numerics.watch import SpreadWatch
+from gridfold.numerics.watch import SpreadWatch, Watch, first_watch, pack_watches
 
 #: What may be said of a member after a step.
 GOES_ON, BEYOND, NOT_FINITE = range(3)
@@ -138,6 +139,9 @@ class Columns:
         What ends the run of a member.
     observer : Observer, optional
         What looks on.
+    judges : sequence of Watch
+        Conditions on the whole state of a member, of any kind, that end its segment. Every entry of
+        the state is then to be kept, in order.
     """
 
     rhs: CompiledRhs
@@ -148,23 +152,29 @@ class Columns:
     kept: NDArray[np.int64]
     watches: tuple[Spread, Spread]
     observer: Observer | None
+    judges: Sequence[Watch] = ()
     x: NDArray[np.float64] = field(init=False)
     times: NDArray[np.float64] = field(init=False)
     row: NDArray[np.int64] = field(init=False)
     last: NDArray[np.int64] = field(init=False)
     history: NDArray[np.int64] = field(init=False)
     verdict: NDArray[np.int64] = field(init=False)
+    fired: NDArray[np.int64] = field(init=False)
     record: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
         n, members = self.rhs.n_states, self.members
         self.x = aligned_zeros(n)
         self.times = np.zeros((members, self.length))
-        self.row, self.last, self.history, self.verdict = np.zeros((4, members), dtype=np.int64)
+        self.row, self.last, self.history, self.verdict, self.fired = np.zeros(
+            (5, members), dtype=np.int64
+        )
         self.record = np.empty((members, self.length, len(self.kept)))
         self._work, self._ring = aligned_zeros(self.rhs.work_size), np.zeros(1, dtype=np.int64)
         self._slopes = aligned_zeros(4 if self.adams else 1, n)
         self._stage, self._slope, self._sum = aligned_zeros(3, n)
+        self._table, self._judge_integers, reals = pack_watches(self.judges, len(self.kept))
+        self._fresh, self._judge_reals = reals, np.tile(reals, (members, 1))
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -181,6 +191,7 @@ class Columns:
     def enter(self, member: int, first: int, last: int) -> None:
         """The next segment of a member, from one row to another; it stands there if they are one."""
         self.row[member], self.last[member], self.history[member] = first, last, 0
+        self.fired[member], self._judge_reals[member] = 0, self._fresh
         self.record[member, first] = self.states[self.kept, member]
 
     def advance(self) -> None:
@@ -193,7 +204,7 @@ class Columns:
             self._slope, self._sum, angles.index, angles.share.ravel(), angles.member_of.ravel(),
             angles.fixed.ravel(), angles.limit.ravel(), speeds.index, speeds.share.ravel(),
             speeds.member_of.ravel(), speeds.fixed.ravel(), speeds.limit.ravel(),
-            *self._observer,
+            self._table, self._judge_integers, self._judge_reals, self.fired, *self._observer,
         )  # fmt: skip
 
     def look(self) -> None:
@@ -331,6 +342,7 @@ def _advance(
     verdict, kept, record, newest, slopes, stage, k, total,
     a_index, a_share, a_member_of, a_fixed, a_limit,
     s_index, s_share, s_member_of, s_fixed, s_limit,
+    table, j_integers, j_reals, fired,
     observer, o_integers, o_reals, o_scratch,
 ):  # fmt: skip
     n = len(x)
@@ -369,7 +381,10 @@ def _advance(
         above[:] = 0.0
         _judge(x, members, a_index, a_share, a_member_of, a_fixed, a_limit, above)
         _judge(x, members, s_index, s_share, s_member_of, s_fixed, s_limit, above)
-        if _note(x, members, row, last, kept, record, wrong, above, verdict):
+        if _note(
+            x, members, row, last, kept, record, wrong, above, verdict,
+            table, j_integers, j_reals, fired,
+        ):  # fmt: skip
             return
 
 
@@ -382,9 +397,11 @@ def _hold_adams(weights, members, h):
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
-def _note(x, members, row, last, kept, record, wrong, above, verdict):
+def _note(
+    x, members, row, last, kept, record, wrong, above, verdict, table, j_integers, j_reals, fired
+):
     """Keep what is to be kept of the new states; whether something has happened to a member."""
-    happened = False
+    happened, holds = False, np.zeros(1)
     for b in range(members):
         if row[b] == last[b]:
             continue
@@ -396,5 +413,8 @@ def _note(x, members, row, last, kept, record, wrong, above, verdict):
             verdict[b] = NOT_FINITE
         elif above[b] != 0.0:
             verdict[b] = BEYOND
+        elif len(table):
+            fired[b] = first_watch(table, j_integers, j_reals[b], out, holds)
+            verdict[b] = BEYOND if fired[b] else GOES_ON
         happened = happened or row[b] == last[b] or verdict[b] != GOES_ON
     return happened

@@ -78,7 +78,7 @@ class _KeptStates:
 
 
 @dataclass
-class _Basis:
+class Basis:
     """A model at an equilibrium, and what its network states change about its network."""
 
     model: DetailedModel
@@ -137,7 +137,7 @@ class Plans:
     places: DetailedModel | None = None
 
     def __post_init__(self) -> None:
-        self._bases = [_Basis(self.model, self.criterion)]
+        self._bases = [Basis(self.model, self.criterion)]
 
     @property
     def changes(self) -> NetworkChanges:
@@ -188,7 +188,7 @@ class Plans:
             number, events, self, basis.model, plan, models, changes, stops, times, rows, seconds
         )
 
-    def _basis(self, start: DetailedModel) -> _Basis | None:
+    def _basis(self, start: DetailedModel) -> Basis | None:
         """The basis of runs from the equilibrium of `start`; None where it has other places.
 
         Loads that are no impedances have those of one operating point for all members.
@@ -203,7 +203,7 @@ class Plans:
         if not start.has_places_of(self.places):
             return None
         if known is None:
-            known = _Basis(start, self.criterion)
+            known = Basis(start, self.criterion)
             self._bases.append(known)
         return known
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -84,27 +84,31 @@ def run_plan(
     has one piece a segment with its two ends. A stepper with a history starts anew in each.
     Where the time of the machine is limited, a TimeLimitError ends the run, see :func:`time_limit`.
     """
-    pieces: list[Piece] = []
-    time, x = start, x0
-    while (segment := plan.next(time, x)) is not None:
-        if not segment.until > time:
-            raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
-        times = time_grid(time, segment.until, stepper.step)
-        z = segment.restrict(x)
-        if sink is None:
-            part = _carry(segment, times, z, stepper)
-        else:
-            part = _hand_on(segment, times, z, stepper, sink)
-        pieces.append(part.piece)
-        if part.status is not Status.COMPLETED:
-            return Run(tuple(pieces), part.status, part.culprit)
-        time, x = float(part.piece.times[-1]), segment.lift(part.end)
-    return Run(tuple(pieces), Status.COMPLETED)
+    legs = run_legs(plan, x0, stepper, start)
+    try:
+        leg = next(legs)
+        while True:
+            leg = legs.send(carry(leg, stepper) if sink is None else _hand_on(leg, stepper, sink))
+    except StopIteration as over:
+        run: Run = over.value
+        return run
 
 
 @dataclass(frozen=True)
-class _Part:
-    """A piece, the state of its system at its end, and whether and how that ends the segment."""
+class Leg:
+    """A segment that is to be integrated: its times (n,), and the state of its system at the first."""
+
+    segment: Segment
+    times: NDArray[np.float64]
+    z: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What came of a leg: a piece, the state of its system at its end, and how the segment ended.
+
+    `fired` tells whether something ended it early, `status` and `culprit` whether the run is over.
+    """
 
     piece: Piece
     end: NDArray[np.float64]
@@ -113,13 +117,36 @@ class _Part:
     culprit: int | None = None
 
 
+def run_legs(
+    plan: Plan, x0: NDArray[np.float64], stepper: Stepper, start: float = 0.0
+) -> Generator[Leg, Carried, Run]:
+    """The legs of a run, for someone else to integrate: what comes of one decides about the next."""
+    pieces: list[Piece] = []
+    time, x = start, x0
+    while (segment := plan.next(time, x)) is not None:
+        if not segment.until > time:
+            raise OptionError(f"segment {segment.label!r} ends at {segment.until}, before {time}")
+        times = time_grid(time, segment.until, stepper.step)
+        part = yield Leg(segment, times, segment.restrict(x))
+        pieces.append(part.piece)
+        if part.status is not Status.COMPLETED:
+            return Run(tuple(pieces), part.status, part.culprit)
+        time, x = float(part.piece.times[-1]), segment.lift(part.end)
+    return Run(tuple(pieces), Status.COMPLETED)
+
+
+def carry(leg: Leg, stepper: Stepper) -> Carried:
+    """Integrate a leg, as far as its monitor lets it."""
+    return _carry(leg.segment, leg.times, leg.z, stepper)
+
+
 def _carry(
     segment: Segment, times: NDArray[np.float64], z: NDArray[np.float64], stepper: Stepper
-) -> _Part:
+) -> Carried:
     """The segment's system from the state `z` along `times`, as far as its monitor lets it."""
     if segment.monitor is None:
         return _step(segment, times, z, stepper)
-    parts: list[_Part] = []
+    parts: list[Carried] = []
     rows = max([BLOCK, *(4 * getattr(watch, "steps", 1) for watch in segment.switches)])
     for start in range(0, len(times) - 1, rows):
         part = _step(segment, times[start : start + rows + 1], z, stepper)
@@ -131,7 +158,7 @@ def _carry(
     return _joined(segment, parts)
 
 
-def _cut(segment: Segment, part: _Part, until: float, stepper: Stepper) -> _Part:
+def _cut(segment: Segment, part: Carried, until: float, stepper: Stepper) -> Carried:
     """The part up to the time `until` (s), with a shorter last step where no row is there."""
     times, states = part.piece.times, part.piece.states
     if part.fired and until >= times[-1] - _INSTANT:
@@ -139,14 +166,14 @@ def _cut(segment: Segment, part: _Part, until: float, stepper: Stepper) -> _Part
     kept = int(np.searchsorted(times, until - _INSTANT))
     if times[kept] <= until + _INSTANT:
         short = Piece(segment, times[: kept + 1], states[: kept + 1], part.piece.seconds)
-        return _Part(short, states[kept], fired=True)
+        return Carried(short, states[kept], fired=True)
     before = Piece(segment, times[:kept], states[:kept], part.piece.seconds)
     last = np.array([times[kept - 1], until])
     rest = _step(segment, last, states[kept - 1], stepper)
-    return replace(_joined(segment, [_Part(before, states[kept - 1]), rest]), fired=True)
+    return replace(_joined(segment, [Carried(before, states[kept - 1]), rest]), fired=True)
 
 
-def _joined(segment: Segment, parts: Sequence[_Part]) -> _Part:
+def _joined(segment: Segment, parts: Sequence[Carried]) -> Carried:
     """Parts that follow one another as one."""
     pieces = [part.piece for part in parts]
     times = np.concatenate([pieces[0].times[:1], *(piece.times[1:] for piece in pieces)])
@@ -157,33 +184,35 @@ def _joined(segment: Segment, parts: Sequence[_Part]) -> _Part:
 
 def _step(
     segment: Segment, times: NDArray[np.float64], z: NDArray[np.float64], stepper: Stepper
-) -> _Part:
+) -> Carried:
     """The segment's system from the state `z` along `times`."""
     began = clock.perf_counter()
     result = _integrate(segment, times, z, stepper)
     seconds = clock.perf_counter() - began
     if isinstance(result, _Formula):
-        return _Part(Piece(segment, times, result.states, seconds), result.end)
+        return Carried(Piece(segment, times, result.states, seconds), result.end)
+    return carried(segment, times, result, seconds)
+
+
+def carried(
+    segment: Segment, times: NDArray[np.float64], result: Integration, seconds: float
+) -> Carried:
+    """What came of a segment, from what an integration along its `times` gave."""
     finite = _finite_rows(result.states)
     piece = Piece(segment, times[:finite], result.states[:finite], seconds)
     end = result.states[finite - 1]
     if finite < len(result.states):
         culprit = int(np.flatnonzero(~np.isfinite(result.states[finite]))[0])
-        return _Part(piece, end, True, Status.NOT_FINITE, culprit)
+        return Carried(piece, end, True, Status.NOT_FINITE, culprit)
     if 0 < result.fired <= len(segment.stops):
         watch, status = segment.stops[result.fired - 1]
-        return _Part(piece, end, True, status, int(np.argmax(watch.distances(end))))
-    return _Part(piece, end, result.fired > 0)
+        return Carried(piece, end, True, status, int(np.argmax(watch.distances(end))))
+    return Carried(piece, end, result.fired > 0)
 
 
-def _hand_on(
-    segment: Segment,
-    times: NDArray[np.float64],
-    z: NDArray[np.float64],
-    stepper: Stepper,
-    sink: Sink,
-) -> _Part:
+def _hand_on(leg: Leg, stepper: Stepper, sink: Sink) -> Carried:
     """The same in pieces that `sink` takes; what is left is a piece with both ends."""
+    segment, times, z = leg.segment, leg.times, leg.z
     rows = max(_HANDED_ON // (8 * max(len(z), 1)), BLOCK)
     begin, seconds, taken, last = z, 0.0, 0, times[0]
     for start in range(0, len(times) - 1, rows):

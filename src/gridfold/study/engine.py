@@ -239,8 +239,7 @@ def _rounds(
 def _batches(tasks: list[Task], prepared: Prepared, workers: int) -> list[Batch]:
     """Tasks that advance together, or that lead to one topology, whose models are built once."""
     if prepared.small is None:
-        size = _together(len(tasks), prepared, workers)
-        return [tuple(tasks[k : k + size]) for k in range(0, len(tasks), size)]
+        return _cut(tasks, _together(len(tasks), prepared, workers))
     case, t_end = prepared.model.case, prepared.study.run.t_end
 
     def last(task: Task) -> Topology:
@@ -248,10 +247,15 @@ def _batches(tasks: list[Task], prepared: Prepared, workers: int) -> list[Batch]
 
     batches: list[Batch] = []
     for key, together in groupby(tasks, key=last):
-        members = tuple(together)
-        size = _LARGEST_BATCH if key else 1
-        batches += [members[k : k + size] for k in range(0, len(members), size)]
+        members = list(together)
+        size = _LARGEST_BATCH if key else _together(len(members), prepared, workers)
+        batches += _cut(members, size)
     return batches
+
+
+def _cut(tasks: list[Task], size: int) -> list[Batch]:
+    """Batches of at most so many tasks."""
+    return [tuple(tasks[k : k + size]) for k in range(0, len(tasks), size)]
 
 
 def _together(count: int, prepared: Prepared, workers: int) -> int:

@@ -16,6 +16,7 @@ from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.equivalents.together import simulate_adaptive_batch, why_reduced_single
 from gridfold.errors import GpuError, GridfoldError
 from gridfold.grid.case import UnitKey
 from gridfold.grid.criteria import VoltageDip, VoltageRecovery
@@ -23,6 +24,7 @@ from gridfold.grid.events import Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
+from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing import ClearingTime, critical_clearing_time
@@ -90,7 +92,8 @@ def solve_batch(prepared: Prepared, batch: Batch, models: Models = None) -> tupl
     """
     known: dict[int, Solved] = {}
     notices: list[str] = []
-    if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
+    fewest = FEWEST_TOGETHER if prepared.small is None else WIDTH
+    if len(batch) >= fewest and why_one_by_one(prepared) is None:
         if prepared.on_gpu and models is None:
             notices += _on_gpu(prepared, batch, known)
         if len(known) < len(batch) and (notices or models is not None or not prepared.on_gpu):
@@ -133,7 +136,11 @@ def _on_cpu(
     own = None if models is None else [models[number] for number in left]
     run_together = simulate_batch if own is None else partial(simulate_batch, models=own)
     try:
-        for place, solved in _side_by_side(prepared, tasks, own, run_together):
+        for place, solved in (
+            _side_by_side(prepared, tasks, own, run_together)
+            if prepared.small is None
+            else _reduced_side_by_side(prepared, tasks)
+        ):
             known[left[place]] = solved
     except Exception as error:  # each is tried by itself, and tells there what is wrong with it
         return [f"contingencies run one by one, not side by side: {_in_words(error)}"]
@@ -148,13 +155,14 @@ def why_one_by_one(prepared: Prepared) -> str | None:
     """Why the contingencies of a study do not advance together; None if they do."""
     if prepared.study.run.batch is SideBySide.OFF:
         return "as asked for"
-    if prepared.small is not None:
-        return "they are simulated on reduced models"
+    if prepared.tolerant is not None:
+        return "a tolerance decides about every run by itself"
     if prepared.relays:
         return "relays watch every run"
     if prepared.time_limit is not None:
         return "each has a time limit of its own"
-    return why_single(prepared.model, prepared.method.stepper)
+    why = why_single if prepared.small is None else why_reduced_single
+    return why(prepared.model, prepared.method.stepper)
 
 
 def _side_by_side(
@@ -178,6 +186,24 @@ def _side_by_side(
             within = replace(run, study_buses=area)
             solver = _Solver(_at(prepared, models, number), batch[number], times.get(number))
             yield number, solver.detailed(within)
+
+
+def _reduced_side_by_side(prepared: Prepared, batch: Batch) -> Iterator[tuple[int, Solved]]:
+    """The same for tasks that are simulated on reduced models."""
+    assert prepared.small is not None
+    runs = simulate_adaptive_batch(
+        prepared.model,
+        prepared.small,
+        prepared.rule,
+        [task.contingency.events for task in batch],
+        prepared.study.run.t_end,
+        prepared.method.stepper,
+        prepared.criterion,
+        dict(prepared.intact),
+    )
+    for number, run in runs:
+        if isinstance(run, AdaptiveRun):
+            yield number, _Solver(prepared, batch[number]).reduced(run)
 
 
 def _looks_at_every_state(prepared: Prepared) -> bool:
@@ -245,7 +271,14 @@ class _Solver:
         events = self.events
         if self.small is None:
             return self.detailed(self._detailed(events))
-        adaptive = self._reduced(self.small, events)
+        return self._reduced(self._adaptive_run(self.small, events), began)
+
+    def reduced(self, adaptive: AdaptiveRun) -> Solved:
+        """Look at a run on reduced models."""
+        spent = _seconds(adaptive.trajectory) + adaptive.reduction_seconds
+        return self._reduced(adaptive, time.perf_counter() - spent)
+
+    def _reduced(self, adaptive: AdaptiveRun, began: float) -> Solved:
         figures: dict[str, Any] = time_per_model(adaptive.trajectory, adaptive.modes)
         figures["wall_reduction_s"] = adaptive.reduction_seconds
         figures["wall_run_s"] = time.perf_counter() - began
@@ -294,7 +327,7 @@ class _Solver:
         area = None if ready.parts is None else ready.parts.study_buses
         return replace(simulate(ready.model, events, *rest), study_buses=area)
 
-    def _reduced(self, small: SmallModels, events: Sequence[Event]) -> AdaptiveRun:
+    def _adaptive_run(self, small: SmallModels, events: Sequence[Event]) -> AdaptiveRun:
         """The study's model."""
         ready = self.prepared
         if ready.tolerant is None:

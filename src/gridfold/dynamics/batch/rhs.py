@@ -8,7 +8,7 @@ written into the data by :meth:`BatchRhs.put`, another operating point by :meth:
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -128,6 +128,11 @@ class BatchRhs:
             columns = self.compiled.reals[at : at + values.size * self.members]
             columns.reshape(*values.shape, self.members)[:, :, member] = values
 
+    @property
+    def currents(self) -> int:
+        """Address of a function of the same signature that finds currents and compensation alone."""
+        return int(_compiled_currents().address)
+
     def put(
         self,
         member: int,
@@ -188,17 +193,13 @@ def batch_rhs(
     With `own_networks` each may have the network of another operating point by :meth:`BatchRhs.seat`.
     """
     layout = model.layout
-    wide = _side_by_side(layout, members)
+    wide = side_by_side(layout, members)
     factors = column_factors(model.equations, every_bus=False)
     loads = batch_loads(model, members, rank)
     scratch = factors.n_rows * ROW if loads is None else loads.scratch_size
     none = CompiledNetwork(0, np.zeros(0, dtype=np.int64), np.zeros(0), scratch)
     constants = np.repeat(model.constants, members)
-    derivatives = {block.device.derivative for block in layout.blocks}
-
-    def compiled_of(kernel: Kernel) -> Any:
-        return (batch_derivative if kernel in derivatives else batch_kernel)(kernel)
-
+    compiled_of = batch_form(layout)
     data = pack_model(wide, constants, none, wide.blocks, header_size=_SIZE, compiled=compiled_of)
     header, integers, reals = data.header, data.integers, data.reals
     n, groups = len(layout.terminals), members // WIDTH
@@ -234,6 +235,16 @@ def batch_rhs(
     return BatchRhs(model, compiled, members, rank, factors, own_networks, parameters_at, loads)
 
 
+def batch_form(layout: Layout) -> Callable[[Kernel], Any]:
+    """What gives the compiled form of the kernels of a layout :func:`side_by_side`."""
+    derivatives = {block.device.derivative for block in layout.blocks}
+
+    def compiled_of(kernel: Kernel) -> Any:
+        return (batch_derivative if kernel in derivatives else batch_kernel)(kernel)
+
+    return compiled_of
+
+
 def kernel_parameters(block: Block) -> NDArray[np.float64]:
     """Parameters of a block as its kernels in a batch take them, shape (n_rows, n_units)."""
     if block.device.derivative is None:
@@ -242,7 +253,7 @@ def kernel_parameters(block: Block) -> NDArray[np.float64]:
     return np.concatenate([block.parameters, inverses])
 
 
-def _side_by_side(layout: Layout, members: int) -> Layout:
+def side_by_side(layout: Layout, members: int) -> Layout:
     """The layout of which each entry stands for all members."""
 
     def places(index: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -347,20 +358,39 @@ def _compensate(integers, reals, work, first, rank):
             store_lanes(voltages, imaginary, v_i + z_r * j_i + z_i * j_r)
 
 
-def _batch_rhs(integers, reals, work, x, dx):
+@compiled_part
+def _find_currents(integers, reals, work, x, dx):
     for i in range(0, integers[N_STATES], WIDTH):
         store_lanes(work, i, load_lanes(x, i))
     load_constants(integers, reals, work)
-    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
-    run_calls(0, n_source, integers, reals, work, x, dx)
+    run_calls(0, integers[N_SOURCE_CALLS], integers, reals, work, x, dx)
     _add_currents(integers, reals, work)
+
+
+def _batch_rhs(integers, reals, work, x, dx):
+    _find_currents(integers, reals, work, x, dx)
     _solve(integers, reals, work)
+    n_source, n_output = integers[N_SOURCE_CALLS], integers[N_OUTPUT_CALLS]
     run_calls(n_source, n_output, integers, reals, work, x, dx)
     run_calls(n_source + n_output, integers[N_DERIVATIVE_CALLS], integers, reals, work, x, dx)
     for k in range(integers[N_FROZEN]):
         dx[integers[integers[FROZEN_AT] + k]] = 0.0
 
 
+def _currents(integers, reals, work, x, dx):
+    _find_currents(integers, reals, work, x, dx)
+    members = integers[MEMBERS]
+    for group in range(members // WIDTH):
+        if integers[integers[RANKS_AT] + group]:
+            _solve(integers, reals, work)
+            return
+
+
 @cache
 def _compiled() -> Any:
     return compile_callback(_batch_rhs, RHS_SIGNATURE)
+
+
+@cache
+def _compiled_currents() -> Any:
+    return compile_callback(_currents, RHS_SIGNATURE)
