@@ -58,14 +58,11 @@ def ringdown(
     n = len(y)
     if n < _LEAST or not np.isfinite(y).all() or not np.any(y):
         return None
-    # A square Hankel matrix is symmetric: the sizes of its eigenvalues are its singular values.
-    pencil = (n - 1) // 2
-    hankel = np.lib.stride_tricks.sliding_window_view(y[n - 2 * pencil - 1 :], pencil + 1)
-    values, vectors = np.linalg.eigh(hankel)
-    largest = np.argsort(-np.abs(values))
-    noise = _NOISE * np.abs(values[largest[0]])
-    order = min(int(np.count_nonzero(np.abs(values) > noise)), _MOST, pencil - 1)
-    basis = vectors[:, largest[:order]]
+    pencil = n // 2
+    hankel = np.lib.stride_tricks.sliding_window_view(y, pencil + 1)
+    _, values, right = np.linalg.svd(hankel, full_matrices=False)
+    order = min(int(np.count_nonzero(values > _NOISE * values[0])), _MOST, pencil - 1)
+    basis = right[:order].T
     z = np.linalg.eigvals(_shift(basis))
     z = z[np.abs(z) > 1e-6]
     powers = np.cumprod(np.vstack([np.ones_like(z), np.broadcast_to(z, (n - 1, len(z)))]), axis=0)
