@@ -59,11 +59,10 @@ def ringdown(
     if n < _LEAST or not np.isfinite(y).all() or not np.any(y):
         return None
     pencil = n // 2
-    hankel = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(y, pencil + 1))
-    # Right singular vectors; only those far above what squaring loses count.
-    squares, vectors = np.linalg.eigh(hankel.T @ hankel)
-    order = min(int(np.count_nonzero(squares > _NOISE**2 * squares[-1])), _MOST, pencil - 1)
-    basis = vectors[:, -order:]
+    hankel = np.lib.stride_tricks.sliding_window_view(y, pencil + 1)
+    _, values, right = np.linalg.svd(hankel, full_matrices=False)
+    order = min(int(np.count_nonzero(values > _NOISE * values[0])), _MOST, pencil - 1)
+    basis = right[:order].T
     z = np.linalg.eigvals(_shift(basis))
     z = z[np.abs(z) > 1e-6]
     powers = np.cumprod(np.vstack([np.ones_like(z), np.broadcast_to(z, (n - 1, len(z)))]), axis=0)
