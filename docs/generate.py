@@ -56,6 +56,7 @@ MADE_ELSEWHERE = {
     "rhs_families": ("make bench-public", 2),
     "psse_cases": ("python benchmarks/psse_cases.py", 2),
     "polish": ("make bench-polish", 2),
+    "auto_studies": ("make bench-auto", 3),
     "cuda": ("make test-cuda", 2),
     "low_rank": ("make bench-low-rank", 2),
     "tolerances": ("python benchmarks/tolerances.py", 3),

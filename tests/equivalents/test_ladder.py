@@ -210,3 +210,16 @@ def test_without_a_dwell_there_are_more_switches(parts, ladder, patient):
 def test_all_rungs_together_stay_close_to_the_detailed_run(parts, patient):
     detailed = gf.simulate(parts.model, [FAULT], 10.0)
     assert gf.compare(detailed, patient.trajectory, parts.study_units).worst.rms_deg < 1.0
+
+
+@pytest.mark.parametrize("rung", [RETAINED, LINEAR])
+def test_voltages_of_a_small_model_are_those_of_the_whole_state_it_stands_for(parts, ladder, rung):
+    rule = {RETAINED: SwitchingRule(0.0, INFINITE), LINEAR: SwitchingRule(INFINITE, INFINITE)}[rung]
+    fault = [gf.BusFault(3, duration=0.1)]
+    run = gf.simulate_adaptive(parts.model, gf.SmallModels(ladder), rule, fault, 0.5)
+    part = run.trajectory.parts[-1]
+    assert part.piece.segment.coordinates is not None
+    voltages = part.bus_voltages()
+    expected = part.model.bus_voltages(part.piece.full_states[part.rows])
+    np.testing.assert_allclose(voltages, expected, rtol=0, atol=1e-12)
+    assert np.ptp(np.abs(voltages), axis=0).max() > 1e-2

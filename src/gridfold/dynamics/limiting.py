@@ -34,15 +34,19 @@ def acting_limits(
     if not device.limits:
         return found
     bound = _evaluate(device, x, u, p)
+    with np.errstate(invalid="ignore"):
+        # Most units are within all of their limits: nothing changes there without any of them.
+        change = np.abs(_evaluate(device, x, u, without_limits(device, p)) - bound)
+        some = np.flatnonzero(~(change <= ACTING).all(axis=0))
+        for k, limit in enumerate(device.limits if len(some) else ()):
+            free = p.take(some, axis=1)
+            free[_row(device, limit)] = limit.side.value * NO_LIMIT
+            without = _evaluate(device, x.take(some, axis=1), u.take(some, axis=1), free)
+            found[k, some] = (np.abs(without - bound[:, some]) > ACTING).any(axis=0)
     for k, limit in enumerate(device.limits):
-        row, side = _row(device, limit), limit.side.value
-        free = p.copy()
-        free[row] = side * NO_LIMIT
-        with np.errstate(invalid="ignore"):
-            found[k] = (np.abs(_evaluate(device, x, u, free) - bound) > ACTING).any(axis=0)
         if limit.state is not None:
-            state = x[device.states.index(limit.state)]
-            found[k] |= side * (state - limit_value(device, limit, p)) > ACTING
+            beyond = x[device.states.index(limit.state)] - limit_value(device, limit, p)
+            found[k] |= limit.side.value * beyond > ACTING
     return found
 
 

@@ -330,6 +330,13 @@ class DetailedModel(Card):
             currents[places] += loads.currents(_phasors(voltages)[:, places]).T
         return self.equations.bus_voltages(currents, at).T
 
+    @cached_property
+    def source_states(self) -> NDArray[np.int64]:
+        """Positions of the states on which currents into the network, and so all voltages, depend."""
+        blocks = [block for block in self.layout.blocks if block.device.sources]
+        found = [np.zeros(0, dtype=np.int64), *(block.state_index.ravel() for block in blocks)]
+        return np.concatenate(found)
+
     def terminal_voltages(self, states: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Voltages of the terminals in per unit at the states: shape (n_times, n_terminals)."""
         return _phasors(self.signals(states, self.layout.voltage_slots))

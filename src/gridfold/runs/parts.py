@@ -39,11 +39,11 @@ class Part:
     @property
     def states(self) -> NDArray[np.float64]:
         """States of the whole system, shape (n, n_states)."""
-        return self.piece.full_states[self.rows]
+        return self.piece.states_between(self.first, self.last)
 
     def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,) alone, shape (n, m)."""
-        return self.piece.states_at(index)[self.rows]
+        return self.piece.states_at(index, self.rows)
 
     def signals(self, slots: NDArray[np.int64]) -> NDArray[np.float64]:
         """Entries `slots` (m,) of the signal vector, of which the states are the first: (n, m)."""
@@ -53,7 +53,11 @@ class Part:
 
     def bus_voltages(self) -> NDArray[np.complex128]:
         """Voltage phasors of all buses in per unit, shape (n, n_buses)."""
-        return self.model.bus_voltages(self.states)
+        if self.piece.segment.coordinates is None:
+            return self.model.bus_voltages(self.states)
+        states = np.tile(self.model.x0, (len(self), 1))
+        states[:, self.model.source_states] = self.states_at(self.model.source_states)
+        return self.model.bus_voltages(states)
 
     def centres_of_inertia(self) -> NDArray[np.float64]:
         """Reference angle of each machine in rad, shape (n, n_machines); NaN for those out."""

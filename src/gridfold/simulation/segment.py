@@ -125,9 +125,15 @@ class Piece:
         """States of the whole system, shape (n, n_states)."""
         return self.segment.lift(self.states)
 
-    def states_at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """States of the whole system at the positions `index` (m,) alone, shape (n, m)."""
+    def states_between(self, first: int, last: int) -> NDArray[np.float64]:
+        """Rows `first` to `last` (without it) of these, shape (last - first, n_states)."""
+        if "full_states" in vars(self):
+            return self.full_states[first:last]
+        return self.segment.lift(self.states[first:last])
+
+    def states_at(self, index: NDArray[np.int64], rows: slice = slice(None)) -> NDArray[np.float64]:
+        """States of the whole system at the positions `index` (m,) alone, shape (n_rows, m)."""
         coordinates = self.segment.coordinates
         if lifts_rows(coordinates):
-            return coordinates.lift_rows(self.states, index)
-        return self.full_states[:, index]
+            return coordinates.lift_rows(self.states[rows], index)
+        return self.full_states[rows, index]
