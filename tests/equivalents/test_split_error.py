@@ -61,7 +61,7 @@ def test_truncation_and_jumps_are_the_difference_to_a_run_without_truncation(
 ) -> None:
     run, small, untruncated = runs(npcc, fine, bound, rule)
     estimate = estimator.estimate(run)
-    curves = ErrorSplitter(small).curves(estimate, run)
+    curves = ErrorSplitter(small).curves(estimate)
     lost = curves[0] + curves[2]
     size = np.sqrt(np.trapezoid(lost**2, estimate.times) / T_END)
     difference = rms(npcc, untruncated.trajectory, run.trajectory, npcc_parts)
@@ -70,7 +70,7 @@ def test_truncation_and_jumps_are_the_difference_to_a_run_without_truncation(
 
 def test_the_same_with_machines_retained(npcc, npcc_parts, retained, estimator) -> None:
     run, small, untruncated = runs(npcc, retained, 1e-1, ALWAYS)
-    causes = ErrorSplitter(small).split(estimator.estimate(run), run)
+    causes = ErrorSplitter(small).split(estimator.estimate(run))
     difference = rms(npcc, untruncated.trajectory, run.trajectory, npcc_parts)
     assert causes.truncation_deg == pytest.approx(difference, rel=0.1)
 
@@ -78,10 +78,10 @@ def test_the_same_with_machines_retained(npcc, npcc_parts, retained, estimator) 
 def test_the_contributions_add_up_to_the_estimate_at_each_instant(npcc, fine, estimator) -> None:
     run, small, _ = runs(npcc, fine, 1e-2, WHOLE)
     estimate = estimator.estimate(run)
-    curves = ErrorSplitter(small).curves(estimate, run)
+    curves = ErrorSplitter(small).curves(estimate)
     worst = estimate.units.index(estimate.worst_unit)
     np.testing.assert_allclose(curves.sum(axis=0), estimate.angles_deg[:, worst], atol=1e-12)
-    causes = ErrorSplitter(small).split(estimate, run)
+    causes = ErrorSplitter(small).split(estimate)
     total = sum(causes.record().values())
     assert max(causes.record().values()) < estimate.worst_deg * 1.2 < 1.2 * total
 
@@ -91,7 +91,7 @@ def test_without_truncation_the_error_is_that_of_linearization(npcc, fine, estim
     small = SmallModels(fine)
     run = gf.simulate_adaptive(npcc, small, ALWAYS, [FAULT], T_END)
     estimate = estimator.estimate(run)
-    causes = ErrorSplitter(small).split(estimate, run)
+    causes = ErrorSplitter(small).split(estimate)
     assert causes.linearization_deg == pytest.approx(estimate.worst_deg, rel=0.02)
     assert causes.truncation_deg < 0.05 * estimate.worst_deg
 
@@ -102,7 +102,7 @@ def test_what_a_swing_that_is_small_lacks_is_not_linearization(npcc, fine, estim
     small, found = SmallModels(area), {}
     for duration in (0.1, 0.01):
         run = gf.simulate_adaptive(npcc, small, ALWAYS, [gf.BusFault(21, duration=duration)], T_END)
-        found[duration] = ErrorSplitter(small).split(estimator.estimate(run), run)
+        found[duration] = ErrorSplitter(small).split(estimator.estimate(run))
     large, little = found[0.1], found[0.01]
     swing = little.truncation_deg / large.truncation_deg
     assert swing < 0.2

@@ -19,7 +19,6 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from gridfold.equivalents.error_estimate import FINE_TOLERANCE
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.fit import Fit, TriedCount
 from gridfold.equivalents.folded import FoldedArea, fold
@@ -48,6 +47,8 @@ from gridfold.runs.method import fit_stepper
 #: Bounds of the reduction that are tried, in p.u. of port voltage. The finest is ten times that of the
 #: area in which errors travel, so that an estimate sees what is left out.
 BOUNDS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+#: Bound of the finest area.
+FINEST = 1e-5
 #: Part of the tolerance by which a truncation may move angles in sample swings.
 TRUNCATION_SHARE = 0.05
 #: Part of the tolerance that retained machines leave as error in sample swings: the rung is for swings
@@ -138,7 +139,7 @@ class _Fitting:
         if self.reducer is not None:
             area = fold(self.parts, (), self.reducer, self.weights, self.swings)
         else:
-            finest = BalancedTruncation(FINE_TOLERANCE, slow_modes=self.slow_modes)
+            finest = BalancedTruncation(FINEST, slow_modes=self.slow_modes)
             fine = fold(self.parts, (), finest, self.weights, self.swings)
             area, bound, truncation = self._truncated(fine)
         if self.known is not None:

@@ -18,15 +18,15 @@ from gridfold.dynamics.model import DetailedModel
 from gridfold.dynamics.port_model import PortModel
 from gridfold.dynamics.port_rhs import inputs_along
 from gridfold.dynamics.unit_limits import touched_held
-from gridfold.equivalents.adaptive import AdaptiveRun
 from gridfold.equivalents.error_causes import NO_CAUSES, ErrorCauses
-from gridfold.equivalents.error_estimate import EVERY, ErrorEstimate, ErrorModes
+from gridfold.equivalents.error_estimate import STEPS, ErrorEstimate, ErrorPart
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.driven_modes import drive_modes
+from gridfold.numerics.error_modes import Modes
 from gridfold.simulation.segment import Piece
 
 
@@ -41,78 +41,66 @@ class ErrorSplitter:
 
     def __init__(self, small: SmallModels) -> None:
         self._small = small
-        self._known: dict[tuple[object, ...], tuple[ErrorModes, _Lost | None]] = {}
+        self._known: dict[tuple[object, ...], tuple[Modes, _Lost | None]] = {}
 
-    def split(self, estimate: ErrorEstimate, run: AdaptiveRun) -> ErrorCauses:
-        """What each cause contributes to the angle of the machine with the largest estimated error.
-
-        Parameters
-        ----------
-        estimate : ErrorEstimate
-            Of the run.
-        run : AdaptiveRun
-            A run with the models of the ladder.
-        """
+    def split(self, estimate: ErrorEstimate) -> ErrorCauses:
+        """What each cause contributes to the angle of the machine with the largest estimated error."""
         if not estimate.units:
             return NO_CAUSES
-        squares = np.nan_to_num(self.curves(estimate, run)) ** 2
+        squares = np.nan_to_num(self.curves(estimate)) ** 2
         span = estimate.times[-1] - estimate.times[0]
         return ErrorCauses(*np.sqrt(np.trapezoid(squares, estimate.times, axis=1) / span).tolist())
 
     @one_blas_thread
-    def curves(self, estimate: ErrorEstimate, run: AdaptiveRun) -> NDArray[np.float64]:
+    def curves(self, estimate: ErrorEstimate) -> NDArray[np.float64]:
         """The contributions of truncation, linearization and jumps in degrees, (3, n_times).
 
         Their sum is the estimated error of that machine.
         """
         worst = estimate.units.index(estimate.worst_unit)
         found: list[NDArray[np.float64]] = []
-        modes, w = estimate.parts[0].modes, np.zeros((2, estimate.parts[0].modes.n))
+        modes = estimate.parts[0].modes
+        w = np.zeros((2, len(modes.form.partner)))
         last: NDArray[np.float64] | None = None
-        pieces, models = run.trajectory.run.pieces, run.trajectory.models
-        for part, piece, mode, model in zip(
-            estimate.parts, pieces, run.modes, models, strict=False
-        ):
+        for part in estimate.parts:
+            piece = part.piece
             first, end = piece.segment.lift(piece.states[[0, -1]])
             if part.modes is not modes:
-                w, modes = part.modes.restricted(modes.lifted(w)), part.modes
+                w, modes = part.modes.project(modes.lift(w).T).T, part.modes
             if last is not None:
-                w[1] += modes.restricted(last - first)
-            rows, index = _rows(piece, part.times)
-            load = self._load(mode, model, modes, piece, rows)
+                w[1] += modes.project(last - first)
+            rows, index = _rows(piece, part.carried.rows)
+            load = self._load(part, rows)
             times = piece.times[rows]
             lost = drive_modes(modes.form, times, w[0], load)
             jumped = drive_modes(modes.form, times, w[1], np.zeros_like(load))
-            rest = part.carried - lost[index] - jumped[index]
-            angles = [curve @ part.rows[worst] for curve in (lost[index], rest, jumped[index])]
+            rest = part.carried.errors - lost[index] - jumped[index]
+            sight = part.frame.angles[worst]
+            angles = [curve @ sight for curve in (lost[index], rest, jumped[index])]
             found.append(np.rad2deg(np.array(angles)))
             w, last = np.array([lost[-1], jumped[-1]]), end
         return np.hstack(found)
 
-    def _load(
-        self,
-        mode: Mode,
-        model: DetailedModel,
-        modes: ErrorModes,
-        piece: Piece,
-        rows: NDArray[np.int64],
-    ) -> NDArray[np.float64]:
+    def _load(self, part: ErrorPart, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """The defect of the truncation in modal coordinates, (n_rows, n_modes)."""
-        if mode is not Mode.DETAILED:
-            key = mode, model.state, id(modes)
+        if part.mode is not Mode.DETAILED:
+            key = part.mode, part.model.state, id(part.modes)
             if key not in self._known:
-                self._known[key] = modes, self._lost(mode, model, modes)
+                self._known[key] = part.modes, self._lost(part)
             lost = self._known[key][1]
             if lost is not None:
-                return lost.along(piece.states[rows])
-        return np.zeros((len(rows), modes.n))
+                return lost.along(part.piece.states[rows])
+        return np.zeros((len(rows), len(part.modes.form.partner)))
 
-    def _lost(self, mode: Mode, model: DetailedModel, modes: ErrorModes) -> _Lost | None:
+    def _lost(self, part: ErrorPart) -> _Lost | None:
+        model, mode = part.model, part.mode
         family, small = self._small.family_for(model), self._small.get(model, mode)
         if not isinstance(family, Ladder | FoldedArea) or small is None:
             return None
         area = family.area_of(mode)
-        inside = modes.restrict[:, area.area.state_index]
+        within = np.zeros((len(area.area.state_index), model.n_states))
+        within[np.arange(len(within)), area.area.state_index] = 1.0
+        inside = part.modes.project(within.T)
         left = inside - (inside @ area.states.lift_matrix) @ area.states.restrict_matrix
         if isinstance(small.coordinates, PortModel):
             return _lost_behind_ports(area, small.coordinates, left)
@@ -162,9 +150,8 @@ def _lost_throughout(
     return _Lost(left @ grid.apply(slopes.T)[inside], left @ at)
 
 
-def _rows(piece: Piece, times: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of a piece at `times` and every so often between, and where those at `times` are."""
-    at = np.searchsorted(piece.times, times - 1e-9)
+def _rows(piece: Piece, known: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of a piece, `known` ones and every so often between, and where the known ones are."""
     spacing = (piece.times[-1] - piece.times[0]) / (len(piece.times) - 1)
-    rows = np.union1d(at, np.arange(0, len(piece.times), max(1, round(EVERY / spacing))))
-    return rows, np.searchsorted(rows, at)
+    rows = np.union1d(known, np.arange(0, len(piece.times), max(1, round(STEPS[0] / spacing))))
+    return rows, np.searchsorted(rows, known)
