@@ -164,7 +164,8 @@ class ModelChoice:
             asked = self.switching.tolerance_deg
             return Simulator(ModelKind.DETAILED, reason=chosen.reason, tolerance_deg=asked)
         simulator = Simulator.of(settings, chosen.family, time.perf_counter() - began)
-        return replace(simulator, reason=chosen.reason)
+        told = [chosen.reason, *([] if simulator.reason is None else [simulator.reason])]
+        return replace(simulator, reason="; ".join(told))
 
     def _settings(self, parts: Partition, norm: float | None = None) -> ModelSettings:
         settings = self.external.settings(self.model, parts)
@@ -225,7 +226,7 @@ class Simulator:
         seconds += time.perf_counter() - began
         return cls(
             settings.kind, settings, tolerant.small, used, seconds,
-            tolerance_deg=settings.tolerance_deg, tolerant=tolerant,
+            reason=tolerant.told, tolerance_deg=settings.tolerance_deg, tolerant=tolerant,
         )  # fmt: skip
 
     @property

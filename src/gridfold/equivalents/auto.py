@@ -75,6 +75,8 @@ def choose_model(
     detailed = ModelKind.DETAILED
     if parts is None:
         return Chosen(detailed, "no study area is given")
+    if settings.tolerance_deg == 0:
+        return Chosen(detailed, "with a tolerance of 0 degrees all runs are detailed")
     step = min(step_seconds(model, model.x0, stepper) for _ in range(_TRIES))
     total = work.runs * work.steps * step
     states = len(parts.states_of(parts.external_units))

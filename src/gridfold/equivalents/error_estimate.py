@@ -18,7 +18,7 @@ from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun
 from gridfold.equivalents.families import Mode, SmallModel
-from gridfold.equivalents.folded import fold
+from gridfold.equivalents.folded import FoldedArea, fold
 from gridfold.equivalents.small_models import INTACT, SmallModels, topology
 from gridfold.equivalents.swings import Swings
 from gridfold.grid.case import UnitKey
@@ -97,15 +97,22 @@ class ErrorEstimator:
         From :func:`gridfold.sample_swings`, those after boundary faults by default.
     most : int, optional
         Other topologies of which the modes are kept, the last used; all of them by default.
+    area : FoldedArea, optional
+        The area in which errors travel, if it is there.
     """
 
     def __init__(
-        self, parts: Partition, swings: Swings | None = None, most: int | None = None
+        self,
+        parts: Partition,
+        swings: Swings | None = None,
+        most: int | None = None,
+        area: FoldedArea | None = None,
     ) -> None:
         self.units = parts.study_units
         self._study = frozenset(self.units)
         self._model = parts.model
-        area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
+        if area is None:
+            area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
         self._modes = SmallModels(area, most)
         self._intact = _modes_of(self._modes.get(parts.model, Mode.WHOLE))
         self._focused = self._intact

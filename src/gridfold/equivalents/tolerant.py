@@ -69,10 +69,29 @@ class TolerantModel(Card):
         if not 0 <= tolerance_deg < inf:
             raise OptionError(f"a tolerance is 0 degrees or more, not {tolerance_deg!r}")
         self.tolerance_deg = tolerance_deg
+        self.ladder = ladder
         self.small = SmallModels(ladder, most)
-        self.rules = tuple(_rules(ladder)) if tolerance_deg > 0 else ()
-        self.estimator = ErrorEstimator(ladder.parts, most=most) if self.rules else None
+        self.rules = tuple(_rules(ladder, tolerance_deg)) if tolerance_deg > 0 else ()
+        self.estimator = (
+            ErrorEstimator(ladder.parts, most=most, area=ladder.fine) if self.rules else None
+        )
+        self.cheap = bool(self.rules)
         self.rules = tuple(self._that_fit(ladder.parts))
+
+    @property
+    def told(self) -> str | None:
+        """How the ladder was made for the tolerance, or why all runs are detailed."""
+        if self.tolerance_deg == 0:
+            return "with a tolerance of 0 degrees all runs are detailed"
+        if not self.cheap:
+            return "no reduced model is cheaper than the detailed one: all runs are detailed"
+        if not self.rules:
+            return (
+                f"no reduced model keeps a tolerance of {self.tolerance_deg:g} degrees after the "
+                "sample faults: all runs are detailed"
+            )
+        fit = self.ladder.fit
+        return None if fit is None else f"for {fit.tolerance_deg:g} degrees: {fit.text}"
 
     def run(
         self,
@@ -138,14 +157,18 @@ class TolerantModel(Card):
         return Attempt(mode, worst)
 
 
-def _rules(ladder: Ladder) -> Iterator[SwitchingRule]:
+def _rules(ladder: Ladder, tolerance_deg: float) -> Iterator[SwitchingRule]:
     """Rules from the cheapest to the most exact, for rungs that are cheaper than the detailed model."""
-    modes = ladder.modes
+    modes, fit = ladder.modes, ladder.fit
+    made_for_it = fit is not None and fit.tolerance_deg == tolerance_deg
+    at_most = fit.whole_deg if fit is not None and made_for_it else WHOLE_DEG
+    whole = at_most if Mode.WHOLE in modes else 0.0
     if modes[-1] is not Mode.DETAILED:
-        whole = WHOLE_DEG if Mode.WHOLE in modes else 0.0
         yield SwitchingRule(inf if len(modes) > 2 else whole, inf, whole_deg=whole, dwell=DWELL)
     if len(modes) > 1 and modes[0] not in (Mode.DETAILED, modes[-1]):
-        yield SwitchingRule(0.0, inf)
+        retained = len(modes) > 2 and modes[0] is not modes[1]
+        near = whole if retained and made_for_it else 0.0
+        yield SwitchingRule(near, inf, whole_deg=near, dwell=DWELL)
 
 
 def _near_the_limit(run: Trajectory, estimate: ErrorEstimate) -> bool:

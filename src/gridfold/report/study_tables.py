@@ -134,6 +134,8 @@ def _evidence(settings: Mapping[str, Any], frame: pd.DataFrame) -> dict[str, str
         facts["Other verdict in detail"] = ", ".join(other)
     if settings.get("tolerance_deg") is not None:
         facts["Tolerance"] = _kept_tolerance(settings["tolerance_deg"], frame)
+    if settings.get("tolerance_told"):
+        facts["Chosen for the tolerance"] = settings["tolerance_told"]
     if settings.get("moved_modes"):
         facts["Modes moved by the reduction"] = "; ".join(settings["moved_modes"])
     if settings.get("model_reason"):
