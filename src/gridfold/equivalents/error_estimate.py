@@ -55,12 +55,15 @@ class ErrorEstimate(Card):
         The detailed run less the run, in degrees; NaN where a machine is out.
     largest_deg : float
         Largest angle of a machine against the centre in the run itself, in degrees.
+    parts : tuple of ErrorPart
+        The errors in each piece of the run, as they travel.
     """
 
     units: tuple[UnitKey, ...]
     times: NDArray[np.float64] = field(repr=False)
     angles_deg: NDArray[np.float64] = field(repr=False)
     largest_deg: float
+    parts: tuple[ErrorPart, ...] = field(default=(), repr=False)
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -150,9 +153,10 @@ class ErrorEstimator:
             np.concatenate([part.times for part in parts]),
             np.concatenate([np.rad2deg(part.carried @ part.rows.T) for part in parts]),
             max(part.largest_deg for part in parts),
+            tuple(parts),
         )
 
-    def _along(self, run: AdaptiveRun) -> Iterator[_Part]:
+    def _along(self, run: AdaptiveRun) -> Iterator[ErrorPart]:
         """The error in each piece of a run, carried from one to the next."""
         pieces, models = run.trajectory.run.pieces, run.trajectory.models
         modes, error, last = self._focused, np.zeros(self._model.n_states), None
@@ -171,14 +175,14 @@ class ErrorEstimator:
             apart = np.abs(states[:, frame.slots] - frame.references(states))
             inside = [unit in self._study for unit in frame.units]
             largest = float(np.rad2deg(apart[:, inside].max(initial=0.0)))
-            yield _Part(modes, piece.times[index], carried, self._rows(frame, modes), largest)
+            yield ErrorPart(modes, piece.times[index], carried, self._rows(frame, modes), largest)
 
-    def _modes_for(self, model: DetailedModel) -> _Modes | None:
+    def _modes_for(self, model: DetailedModel) -> ErrorModes | None:
         if topology(model.state, model.case) == INTACT:
             return self._focused
         return _modes_of(self._modes.get(model, Mode.WHOLE))
 
-    def _rows(self, frame: AngleFrame, modes: _Modes) -> NDArray[np.float64]:
+    def _rows(self, frame: AngleFrame, modes: ErrorModes) -> NDArray[np.float64]:
         """Angles of the study machines against their islands' centres in the modes, (n_units, r)."""
         turned = modes.slopes[:, frame.slots].T
         for island, fixed in enumerate(frame.fixed):
@@ -192,40 +196,53 @@ class ErrorEstimator:
 
 
 @dataclass(frozen=True)
-class _Modes:
+class ErrorModes:
     """Modes of a whole system that is linear, and the way from and to its states."""
 
     form: ModalForm
     slopes: NDArray[np.float64]
     restrict: NDArray[np.float64]
 
-    def only(self, kept: NDArray[np.bool_]) -> _Modes:
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.slopes)
+
+    def restricted(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Modes (..., n) of deviations of all states, (..., n_states)."""
+        return np.asarray(x @ self.restrict.T)
+
+    def lifted(self, w: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Deviations of all states (..., n_states) from modes, (..., n)."""
+        return np.asarray(w @ self.slopes)
+
+    def only(self, kept: NDArray[np.bool_]) -> ErrorModes:
         """Some of the modes (n_modes,), pairs as a whole."""
         form, place, same = self.form, np.cumsum(kept) - 1, np.eye(int(kept.sum()))
         partner = place[form.partner[kept]]
         part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner)
-        return _Modes(part, self.slopes[kept], self.restrict[kept])
+        return ErrorModes(part, self.slopes[kept], self.restrict[kept])
 
 
 @dataclass(frozen=True)
-class _Part:
+class ErrorPart:
     """The error in one piece of a run.
 
     `carried` (n_times, n_modes) are its modes at `times`, `rows` (n_units, n_modes) the angles of the
     study machines in them; `largest_deg` is the largest angle of these in the run itself.
     """
 
-    modes: _Modes
+    modes: ErrorModes
     times: NDArray[np.float64]
     carried: NDArray[np.float64]
     rows: NDArray[np.float64]
     largest_deg: float
 
 
-def _modes_of(small: SmallModel | None) -> _Modes | None:
+def _modes_of(small: SmallModel | None) -> ErrorModes | None:
     if small is None or not isinstance(small.system, ModalSystem):
         return None
-    return _Modes(small.system.form, small.affine[1], small.restriction)
+    return ErrorModes(small.system.form, small.affine[1], small.restriction)
 
 
 def _samples(piece: Piece, mode: Mode) -> NDArray[np.int64]:
@@ -240,7 +257,7 @@ def _carried(
     piece: Piece,
     mode: Mode,
     model: DetailedModel,
-    modes: _Modes,
+    modes: ErrorModes,
     index: NDArray[np.int64],
     states: NDArray[np.float64],
     start: NDArray[np.float64],

@@ -203,6 +203,10 @@ class FoldedArea(Card):
             applied = area.system.apply(bases.lift)
         return _projected(known, area, model, point, applied)
 
+    def area_of(self, mode: Mode) -> FoldedArea:
+        """The area itself, as a ladder tells it of a rung."""
+        return self
+
     def truncated(self, bounds: Iterable[float]) -> Iterator[FoldedArea]:
         """The area of the intact network with coarser bounds (p.u.), from its own balanced bases.
 

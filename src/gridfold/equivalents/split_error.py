@@ -1,0 +1,166 @@
+"""The estimated error of a run by its causes: truncation, linearization, jumps.
+
+The error of a run obeys e' = A e + d to first order, so what drives it may be taken one after another.
+At the lifted state the untruncated linear area would have other derivatives than the area in use: that
+defect is truncation. States that a model cannot take up when it takes over are jumps. What these two do
+not explain of the estimate is linearization. No evaluation of the detailed equations is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridfold.dynamics.descriptor import grid_descriptor
+from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.port_model import PortModel
+from gridfold.dynamics.port_rhs import inputs_along
+from gridfold.dynamics.unit_limits import touched_held
+from gridfold.equivalents.adaptive import AdaptiveRun
+from gridfold.equivalents.error_causes import NO_CAUSES, ErrorCauses
+from gridfold.equivalents.error_estimate import EVERY, ErrorEstimate, ErrorModes
+from gridfold.equivalents.families import Mode, SmallModel
+from gridfold.equivalents.folded import FoldedArea
+from gridfold.equivalents.ladder import Ladder
+from gridfold.equivalents.small_models import SmallModels
+from gridfold.numerics.blas import one_blas_thread
+from gridfold.numerics.driven_modes import drive_modes
+from gridfold.simulation.segment import Piece
+
+
+class ErrorSplitter:
+    """Splits estimated errors of runs with one ladder.
+
+    Parameters
+    ----------
+    small : SmallModels
+        The small models of the runs, a ladder's.
+    """
+
+    def __init__(self, small: SmallModels) -> None:
+        self._small = small
+        self._known: dict[tuple[object, ...], tuple[ErrorModes, _Lost | None]] = {}
+
+    @one_blas_thread
+    def split(self, estimate: ErrorEstimate, run: AdaptiveRun) -> ErrorCauses:
+        """The contributions to the angle of the machine with the largest estimated error.
+
+        Parameters
+        ----------
+        estimate : ErrorEstimate
+            Of the run.
+        run : AdaptiveRun
+            A run with the models of the ladder.
+        """
+        if not len(estimate.units):
+            return NO_CAUSES
+        worst = estimate.units.index(estimate.worst_unit)
+        curves: list[NDArray[np.float64]] = []
+        modes, w, last = estimate.parts[0].modes, np.zeros((2, 0)), None
+        pieces, models = run.trajectory.run.pieces, run.trajectory.models
+        for part, piece, mode, model in zip(
+            estimate.parts, pieces, run.modes, models, strict=False
+        ):
+            first, end = piece.segment.lift(piece.states[[0, -1]])
+            if part.modes is not modes or not w.size:
+                w = (
+                    part.modes.restricted(modes.lifted(w))
+                    if w.size
+                    else np.zeros((2, part.modes.n))
+                )
+            modes = part.modes
+            if last is not None:
+                w[1] += modes.restricted(last - first)
+            rows, index = _rows(piece, part.times)
+            load = self._load(mode, model, modes, piece, rows)
+            lost = drive_modes(modes.form, piece.times[rows], w[0], load)
+            jumped = drive_modes(modes.form, piece.times[rows], w[1], np.zeros_like(load))
+            w, last = np.array([lost[-1], jumped[-1]]), end
+            rest = part.carried - lost[index] - jumped[index]
+            angles = [curve @ part.rows[worst] for curve in (lost[index], rest, jumped[index])]
+            curves.append(np.rad2deg(np.array(angles)))
+        squares = np.nan_to_num(np.hstack(curves)) ** 2
+        span = estimate.times[-1] - estimate.times[0]
+        return ErrorCauses(*np.sqrt(np.trapezoid(squares, estimate.times, axis=1) / span).tolist())
+
+    def _load(
+        self,
+        mode: Mode,
+        model: DetailedModel,
+        modes: ErrorModes,
+        piece: Piece,
+        rows: NDArray[np.int64],
+    ) -> NDArray[np.float64]:
+        """The defect of the truncation in modal coordinates, (n_rows, n_modes)."""
+        if mode is not Mode.DETAILED:
+            key = mode, model.state, id(modes)
+            if key not in self._known:
+                self._known[key] = modes, self._lost(mode, model, modes)
+            lost = self._known[key][1]
+            if lost is not None:
+                return lost.along(piece.states[rows])
+        return np.zeros((len(rows), modes.n))
+
+    def _lost(self, mode: Mode, model: DetailedModel, modes: ErrorModes) -> _Lost | None:
+        family, small = self._small.family_for(model), self._small.get(model, mode)
+        if not isinstance(family, Ladder | FoldedArea) or small is None:
+            return None
+        area = family.area_of(mode)
+        inside = modes.restrict[:, area.area.state_index]
+        left = inside - (inside @ area.states.lift_matrix) @ area.states.restrict_matrix
+        if isinstance(small.coordinates, PortModel):
+            return _lost_behind_ports(area, small.coordinates, left)
+        return _lost_throughout(area, small, model, left)
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """What truncation loses in modal coordinates: constant + gain @ (states, inputs).
+
+    `ports` is the model behind whose ports the area is, with the order of the area; None where the
+    states say everything.
+    """
+
+    gain: NDArray[np.float64]
+    constant: NDArray[np.float64]
+    area: FoldedArea | None = None
+    ports: PortModel | None = None
+
+    def along(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """At states of the segment, (n_times, n_modes)."""
+        known = states
+        if self.area is not None and self.ports is not None:
+            driven = inputs_along(self.area.linear_ports, self.ports.compiled, states)
+            known = np.hstack([states[:, len(self.ports.exact_index) :], driven])
+        return np.asarray(self.constant + known @ self.gain.T)
+
+
+def _lost_behind_ports(area: FoldedArea, ports: PortModel, left: NDArray[np.float64]) -> _Lost:
+    """Of z' = T (A T~ z + B u + powers P + drift), with `left` the modes of 1 - T~ T."""
+    whole = area.area
+    moved = whole.system.apply(area.states.lift_matrix)
+    gain = left @ np.hstack([moved, whole.system.b, whole.powers])
+    return _Lost(gain, left @ whole.drift, area, ports)
+
+
+def _lost_throughout(
+    area: FoldedArea, small: SmallModel, model: DetailedModel, left: NDArray[np.float64]
+) -> _Lost:
+    """The same where all else is linear, too."""
+    origin, slopes = small.affine
+    smooth = touched_held(model, area.origin, model.layout.source_units)
+    grid, inside = grid_descriptor(smooth, area.origin), area.area.state_index
+    at = (
+        grid.apply((origin - area.origin)[:, None])[inside, 0] + model.compiled(area.origin)[inside]
+    )
+    return _Lost(left @ grid.apply(slopes.T)[inside], left @ at)
+
+
+def _rows(piece: Piece, times: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of a piece at `times` and every so often between, and where those at `times` are."""
+    at = np.searchsorted(piece.times, times - 1e-9)
+    spacing = (piece.times[-1] - piece.times[0]) / (len(piece.times) - 1)
+    rows = np.union1d(at, np.arange(0, len(piece.times), max(1, round(EVERY / spacing))))
+    return rows, np.searchsorted(rows, at)
