@@ -15,8 +15,9 @@ the ladder that is not at a limit.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from gridfold.cards import Card, first_few
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.error_causes import ErrorCauses
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import (
     LinearLimits,
@@ -113,6 +115,8 @@ class AdaptiveRun(Card):
         of inertia, in degrees; None where it was not asked for.
     attempts : tuple of Attempt
         With a tolerance all runs that were tried, the one that was taken last.
+    find_causes : callable, optional
+        What finds `error_causes`.
     """
 
     trajectory: Trajectory
@@ -121,6 +125,12 @@ class AdaptiveRun(Card):
     modes: tuple[Mode, ...] = ()
     error_estimate_deg: float | None = None
     attempts: tuple[Attempt, ...] = ()
+    find_causes: Callable[[], ErrorCauses] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def error_causes(self) -> ErrorCauses | None:
+        """Where the estimated error came from; None where it was not asked for. Found on demand."""
+        return None if self.find_causes is None else self.find_causes()
 
     def _facts(self) -> dict[str, object]:
         used = dict.fromkeys(mode.value for mode in self.modes)

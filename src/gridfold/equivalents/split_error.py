@@ -43,9 +43,8 @@ class ErrorSplitter:
         self._small = small
         self._known: dict[tuple[object, ...], tuple[ErrorModes, _Lost | None]] = {}
 
-    @one_blas_thread
     def split(self, estimate: ErrorEstimate, run: AdaptiveRun) -> ErrorCauses:
-        """The contributions to the angle of the machine with the largest estimated error.
+        """What each cause contributes to the angle of the machine with the largest estimated error.
 
         Parameters
         ----------
@@ -54,36 +53,41 @@ class ErrorSplitter:
         run : AdaptiveRun
             A run with the models of the ladder.
         """
-        if not len(estimate.units):
+        if not estimate.units:
             return NO_CAUSES
+        squares = np.nan_to_num(self.curves(estimate, run)) ** 2
+        span = estimate.times[-1] - estimate.times[0]
+        return ErrorCauses(*np.sqrt(np.trapezoid(squares, estimate.times, axis=1) / span).tolist())
+
+    @one_blas_thread
+    def curves(self, estimate: ErrorEstimate, run: AdaptiveRun) -> NDArray[np.float64]:
+        """The contributions of truncation, linearization and jumps in degrees, (3, n_times).
+
+        Their sum is the estimated error of that machine.
+        """
         worst = estimate.units.index(estimate.worst_unit)
-        curves: list[NDArray[np.float64]] = []
-        modes, w, last = estimate.parts[0].modes, np.zeros((2, 0)), None
+        found: list[NDArray[np.float64]] = []
+        modes, w = estimate.parts[0].modes, np.zeros((2, estimate.parts[0].modes.n))
+        last: NDArray[np.float64] | None = None
         pieces, models = run.trajectory.run.pieces, run.trajectory.models
         for part, piece, mode, model in zip(
             estimate.parts, pieces, run.modes, models, strict=False
         ):
             first, end = piece.segment.lift(piece.states[[0, -1]])
-            if part.modes is not modes or not w.size:
-                w = (
-                    part.modes.restricted(modes.lifted(w))
-                    if w.size
-                    else np.zeros((2, part.modes.n))
-                )
-            modes = part.modes
+            if part.modes is not modes:
+                w, modes = part.modes.restricted(modes.lifted(w)), part.modes
             if last is not None:
                 w[1] += modes.restricted(last - first)
             rows, index = _rows(piece, part.times)
             load = self._load(mode, model, modes, piece, rows)
-            lost = drive_modes(modes.form, piece.times[rows], w[0], load)
-            jumped = drive_modes(modes.form, piece.times[rows], w[1], np.zeros_like(load))
-            w, last = np.array([lost[-1], jumped[-1]]), end
+            times = piece.times[rows]
+            lost = drive_modes(modes.form, times, w[0], load)
+            jumped = drive_modes(modes.form, times, w[1], np.zeros_like(load))
             rest = part.carried - lost[index] - jumped[index]
             angles = [curve @ part.rows[worst] for curve in (lost[index], rest, jumped[index])]
-            curves.append(np.rad2deg(np.array(angles)))
-        squares = np.nan_to_num(np.hstack(curves)) ** 2
-        span = estimate.times[-1] - estimate.times[0]
-        return ErrorCauses(*np.sqrt(np.trapezoid(squares, estimate.times, axis=1) / span).tolist())
+            found.append(np.rad2deg(np.array(angles)))
+            w, last = np.array([lost[-1], jumped[-1]]), end
+        return np.hstack(found)
 
     def _load(
         self,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -17,11 +18,13 @@ import numpy as np
 from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, Attempt, simulate_adaptive
+from gridfold.equivalents.error_causes import NO_CAUSES
 from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
 from gridfold.equivalents.small_models import INTACT, SmallModels, topology
+from gridfold.equivalents.split_error import ErrorSplitter
 from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
@@ -71,6 +74,7 @@ class TolerantModel(Card):
         self.tolerance_deg = tolerance_deg
         self.ladder = ladder
         self.small = SmallModels(ladder, most)
+        self._splitter = ErrorSplitter(self.small)
         self.rules = tuple(_rules(ladder, tolerance_deg)) if tolerance_deg > 0 else ()
         self.estimator = (
             ErrorEstimator(ladder.parts, most=most, area=ladder.fine) if self.rules else None
@@ -110,16 +114,17 @@ class TolerantModel(Card):
         stays = topology(last.state, last.case) == INTACT and not relays_of_run(events, last.case)
         for rule in self.rules if stays else ():
             run = simulate_adaptive(model, self.small, rule, *rest)
-            attempt = self._judge(run)
+            attempt, estimate = self._judge(run)
             attempts.append(attempt)
-            if attempt.refused is None and attempt.estimate_deg is not None:
+            if attempt.refused is None and estimate is not None:
                 return replace(
-                    run, error_estimate_deg=attempt.estimate_deg, attempts=tuple(attempts)
-                )
+                    run, error_estimate_deg=estimate.worst_deg, attempts=tuple(attempts),
+                    find_causes=partial(self._splitter.split, estimate, run),
+                )  # fmt: skip
         detailed = simulate(model, *rest)
         modes = (Mode.DETAILED,) * len(detailed.run.pieces)
         attempts.append(Attempt(Mode.DETAILED, 0.0))
-        return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts))
+        return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts), lambda: NO_CAUSES)
 
     def _that_fit(self, parts: Partition) -> Iterator[SwitchingRule]:
         """Rungs that keep the tolerance after one of the sample faults; the others are not tried.
@@ -135,26 +140,26 @@ class TolerantModel(Card):
         }
         self.estimator.focus(run for tried in runs.values() for run in tried)
         for rule, tried in runs.items():
-            if any(self._judge(run).refused is None for run in tried):
+            if any(self._judge(run)[0].refused is None for run in tried):
                 yield rule
 
-    def _judge(self, run: AdaptiveRun) -> Attempt:
+    def _judge(self, run: AdaptiveRun) -> tuple[Attempt, ErrorEstimate | None]:
         order = list(Mode)
         used = [mode for mode, stage in zip(run.modes, run.trajectory.models, strict=False)
                 if not stage.state.faulted]  # fmt: skip
         mode = min(used or [Mode.DETAILED], key=order.index)
         if run.trajectory.status is not Status.COMPLETED:
-            return Attempt(mode, None, f"its outcome is {run.trajectory.status.value}")
+            return Attempt(mode, None, f"its outcome is {run.trajectory.status.value}"), None
         assert self.estimator is not None
         estimate = self.estimator.estimate(run)
         if estimate is None:
-            return Attempt(mode, None, "its error cannot be estimated")
+            return Attempt(mode, None, "its error cannot be estimated"), None
         worst = estimate.worst_deg
         if not worst <= TRUSTED * self.tolerance_deg:
-            return Attempt(mode, worst, "its error is above the tolerance")
+            return Attempt(mode, worst, "its error is above the tolerance"), estimate
         if _near_the_limit(run.trajectory, estimate):
-            return Attempt(mode, worst, "synchronism is lost within its error")
-        return Attempt(mode, worst)
+            return Attempt(mode, worst, "synchronism is lost within its error"), estimate
+        return Attempt(mode, worst), estimate
 
 
 def _rules(ladder: Ladder, tolerance_deg: float) -> Iterator[SwitchingRule]:

@@ -112,7 +112,8 @@ def _run_reduced(settings: ModelSettings) -> None:
     parts = partition(model, study_buses(model.case, areas=STUDY_AREAS[_CASE]))
     family = settings.build(parts)
     if settings.tolerance_deg is not None and isinstance(family, Ladder):
-        TolerantModel(family, settings.tolerance_deg).run(model, [_FAULT], _T_END)
+        run = TolerantModel(family, settings.tolerance_deg).run(model, [_FAULT], _T_END)
+        _ = run.error_causes
         return
     small = SmallModels(family)
     for stepper in (RungeKutta4(), AdamsBashforthMoulton4()):

@@ -1,4 +1,4 @@
-"""Linear modes under a load that is known at a few times: w' = L w + g(t), with g linear between them."""
+"""Linear modes under a load that is known at a few times: w' = L w + g(t), g linear between them."""
 
 from __future__ import annotations
 

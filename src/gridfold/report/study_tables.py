@@ -176,6 +176,8 @@ def _kept_tolerance(tolerance_deg: float, frame: pd.DataFrame) -> str:
     text = f"{tolerance_deg:g} degrees RMS against the centre of inertia"
     if len(estimates):
         text += f"; estimated errors up to {estimates.max():.2g}"
+        if estimates.max() > 0:
+            text += f" ({_causes(frame[frame['error_estimate_deg'] == estimates.max()].iloc[0])})"
     both = frame[["error_estimate_deg", "error_coi_deg"]].dropna()
     if len(both):
         above = int((both["error_coi_deg"] > tolerance_deg).sum())
@@ -185,6 +187,12 @@ def _kept_tolerance(tolerance_deg: float, frame: pd.DataFrame) -> str:
             "the estimate"
         )
     return text
+
+
+def _causes(row: pd.Series) -> str:
+    """Where the error of a run came from."""
+    causes = ("linearization", "truncation", "jump")
+    return ", ".join(f"{name} {row[f'error_{name}_deg']:.2g}" for name in causes)
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:
