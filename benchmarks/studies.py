@@ -64,8 +64,9 @@ def timed(wanted: Study, way: Way) -> Timed:
 
     def watch(progress: Progress) -> None:
         nonlocal began, ended
-        if progress.latest is not None:
-            began, ended = began or time.perf_counter(), time.perf_counter()
+        ended = time.perf_counter()
+        if progress.done == 0:
+            began = ended
 
     with tempfile.TemporaryDirectory() as folder:
         run = run_study(wanted, Path(folder) / "a", on_progress=watch, **way.options)

@@ -9,9 +9,10 @@ import pytest
 
 import gridfold as gf
 from gridfold.dynamics.area_model import LinearArea
+from gridfold.numerics.band_watch import BandWatch
 from gridfold.numerics.modal_form import modal_form
 from gridfold.numerics.steppers.base import time_grid
-from gridfold.numerics.watch import BandWatch, BoxWatch, SpreadWatch
+from gridfold.numerics.watch import BoxWatch, SpreadWatch
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.modal import ModalSystem
 

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridfold.errors import OptionError
+from gridfold.numerics.band_watch import BandWatch
 from gridfold.numerics.compiled import compile_callback
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 from gridfold.numerics.steppers import (
@@ -15,7 +16,7 @@ from gridfold.numerics.steppers import (
     ScipyReference,
     time_grid,
 )
-from gridfold.numerics.watch import BandWatch, SpreadWatch
+from gridfold.numerics.watch import SpreadWatch
 
 
 def _pendulum(integers, reals, work, x, dx):

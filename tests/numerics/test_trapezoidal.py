@@ -11,11 +11,12 @@ import gridfold as gf
 from gridfold.dynamics.network.closed import ClosedNetworks
 from gridfold.errors import OptionError
 from gridfold.grid.network_state import NetworkState
+from gridfold.numerics.band_watch import BandWatch
 from gridfold.numerics.compiled import compile_callback
 from gridfold.numerics.implicit import CompiledSolver, dense_solver, numerical_jacobian
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs, call_rhs
 from gridfold.numerics.steppers import ImplicitTrapezoidal, ScipyReference, time_grid
-from gridfold.numerics.watch import BandWatch, SpreadWatch
+from gridfold.numerics.watch import SpreadWatch
 
 
 def _pendulum(integers, reals, work, x, dx):

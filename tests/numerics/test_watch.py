@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from gridfold.numerics.band_watch import BandWatch
+from gridfold.numerics.common_row import split_rows
 from gridfold.numerics.watch import (
-    BandWatch,
     BoxWatch,
     SpreadWatch,
     first_fired,
@@ -123,3 +126,44 @@ def test_reach_bounds_how_far_any_quantity_moves():
     moved = np.abs(np.diff(states, axis=0))
     quantities = states @ watch.matrix.T
     assert np.all(np.abs(np.diff(quantities, axis=0)).max(axis=1) <= moved @ watch.reach + 1e-15)
+
+
+def against_the_mean(n_exact: int, n_linear: int, n_modes: int) -> np.ndarray:
+    """Angles of exact machines, and of others linear in modes, against their weighted mean."""
+    rng = np.random.default_rng(n_exact)
+    angles = np.zeros((n_exact + n_linear, n_exact + n_modes))
+    angles[:n_exact, :n_exact] = np.eye(n_exact)
+    angles[n_exact:, n_exact:] = rng.normal(size=(n_linear, n_modes))
+    weights = rng.uniform(0.5, 2.0, len(angles))
+    return angles - weights / weights.sum() @ angles
+
+
+def test_of_angles_against_their_mean_only_those_of_linear_machines_are_dense():
+    matrix = against_the_mean(4, 9, 8)
+    parts = split_rows(matrix)
+    assert parts.few.tolist() == [0, 1, 2, 3]
+    assert parts.columns.tolist() == list(range(4, 12))
+    again = np.tile(parts.common, (13, 1))
+    for row, first, last in zip(parts.few, parts.starts[:-1], parts.starts[1:], strict=True):
+        again[row, parts.places[first:last]] += parts.entries[first:last]
+    again[np.ix_(parts.many, parts.columns)] += parts.dense
+    np.testing.assert_allclose(again, matrix, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("n_exact", "n_linear"), [(4, 9), (6, 7), (12, 0), (3, 20)])
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_compiled_band_of_angles_against_their_mean(n_exact, n_linear, inside, share):
+    matrix, states = against_the_mean(n_exact, n_linear, N_STATES - n_exact), walk(n_exact)
+    watch = BandWatch(matrix, np.linspace(-0.04, 0.04, len(matrix)), 0.0, inside)
+    limit = float(np.quantile([watch.distances(state).max() for state in states], share))
+    watch = replace(watch, limit=limit)
+    expected = [watch.holds(state) for state in states]
+    assert len(set(expected)) == 2
+    assert verdicts(watch, states) == expected
+    spoilt = states.copy()
+    spoilt[100:110, 1] = np.nan
+    assert verdicts(watch, spoilt) == [
+        found and not 100 <= k < 110 if inside else found or 100 <= k < 110
+        for k, found in enumerate(expected)
+    ]

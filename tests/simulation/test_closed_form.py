@@ -10,10 +10,10 @@ import gridfold as gf
 from gridfold.equivalents.adaptive import simulate_adaptive
 from gridfold.equivalents.families import WholeSystem, whole_system
 from gridfold.equivalents.switching import SwitchingRule
+from gridfold.numerics.band_watch import BandWatch
 from gridfold.numerics.modal_form import modal_form
 from gridfold.numerics.rhs import CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4
-from gridfold.numerics.watch import BandWatch
 from gridfold.partition import partition
 from gridfold.simulation import Segment, run_segments
 from gridfold.simulation.run import BLOCK

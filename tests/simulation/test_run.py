@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gridfold.errors import OptionError
+from gridfold.numerics.band_watch import BandWatch
 from gridfold.numerics.compiled import compile_callback
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 from gridfold.numerics.steppers import RungeKutta4
-from gridfold.numerics.watch import BandWatch
 from gridfold.simulation import Segment, run_plan, run_segments
 from gridfold.simulation.segment import Stop
 from gridfold.systems import System

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import ModelFamily, SmallModel
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.watch import BandWatch, Watch
+from gridfold.numerics.band_watch import BandWatch
+from gridfold.numerics.watch import Watch
 from gridfold.runs.synchronism import AngleFrame, SynchronismCriterion, angle_frame
 from gridfold.simulation.segment import Stop
 from gridfold.systems.status import Status

@@ -12,7 +12,7 @@ AFFORDABLE = 0.8
 #: Numbers that are tried at most: each is a reduction of its own.
 MOST_TRIED = 3
 #: What twice as many machines leave of the error at most, if it is worth to try still more.
-_GAIN = 0.7
+_GAIN = 0.65
 _FEWEST = 2
 
 

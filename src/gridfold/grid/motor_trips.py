@@ -21,9 +21,11 @@ class MotorTrips(Relay):
 
     def elements(self, case: Case) -> list[Element]:
         """One for each motor with a trip."""
+        tripped = [record for record in case.devices if _trips(record)]
+        if not tripped:
+            return []
         live = {load.key for load in case.loads if load.in_service}
-        tripped = [record for record in case.devices if record.key in live and _trips(record)]
-        return list(_elements(case, tripped))
+        return list(_elements(case, [record for record in tripped if record.key in live]))
 
 
 def _trips(record: DeviceRecord) -> bool:

@@ -26,7 +26,7 @@ WATCH_SIGNATURE = types.void(
     types.int64[::1], types.float64[::1], types.float64[::1], types.float64[::1]
 )
 
-#: Margin and verdict of a band watch before the first state: a margin of 0 settles nothing.
+#: Margin and verdict of a box watch before the first state: a margin of 0 settles nothing.
 _NOTHING_KNOWN = (0.0, 0.0)
 
 
@@ -126,90 +126,11 @@ class SpreadWatch:
 
 
 @dataclass(frozen=True)
-class BandWatch:
-    """Holds when one of the quantities C x + d leaves a band, or when all are inside it.
-
-    Most states are judged without forming the quantities: none of them can have moved further than
-    the sum of ``reach * abs(x - y)`` since the state y.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n_states)
-        C.
-    offset : ndarray, shape (n,)
-        d.
-    limit : float
-        Half the width of the band around 0.
-    inside : bool
-        False: the condition is that one is outside. True: that all are inside.
-    steps : int
-        States in a row for which that has to be so.
-    """
-
-    matrix: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    limit: float
-    inside: bool = False
-    steps: int = 1
-
-    def __post_init__(self) -> None:
-        require_shapes("a watch", self, {"offset": (len(self.matrix),)})
-
-    def distances(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Magnitudes of the quantities, shape (n,)."""
-        return np.asarray(np.abs(self.matrix @ x + self.offset))
-
-    def holds(self, x: NDArray[np.float64]) -> bool:
-        """Whether the condition holds."""
-        within = bool(np.max(self.distances(x), initial=0.0) <= self.limit)
-        return within == self.inside
-
-    @cached_property
-    def reach(self) -> NDArray[np.float64]:
-        """By how much the most sensitive quantity moves with each state, shape (n_states,)."""
-        return np.asarray(np.abs(self.matrix).max(axis=0, initial=0.0))
-
-    def first(self, states: NDArray[np.float64]) -> int | None:
-        """First row of `states`, shape (n, n_states), in which the condition holds, or None."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            largest = np.abs(states) @ self.reach + np.abs(self.offset).max(initial=0.0)
-            within = largest <= self.limit
-            unclear = np.flatnonzero(~within)
-            distances = np.abs(states[unclear] @ self.matrix.T + self.offset)
-        within[unclear] = distances.max(axis=1, initial=0.0) <= self.limit
-        so = np.concatenate([[0], np.cumsum(within == self.inside)])
-        rows = np.flatnonzero(so[self.steps :] - so[: -self.steps] == self.steps)
-        return int(rows[0]) + self.steps - 1 if len(rows) else None
-
-    def never(self, reach: Reach) -> bool:
-        """Whether all quantities stay in the band; that they stay outside is not told."""
-        within = np.abs(self.offset) + reach(self.matrix) <= self.limit
-        return not self.inside and bool(within.all())
-
-    def compile(self) -> CompiledWatch:
-        """The condition for compiled loops."""
-        n, n_states = self.matrix.shape
-        return CompiledWatch(
-            _compiled_band().address,
-            np.array([n, n_states, self.inside, self.steps], dtype=np.int64),
-            np.concatenate(
-                [
-                    [self.limit, *_NOTHING_KNOWN, 0.0],
-                    self.offset,
-                    self.matrix.ravel(),
-                    self.reach,
-                    np.zeros(n_states),
-                ]
-            ),
-            n_states,
-        )
-
-
-@dataclass(frozen=True)
 class BoxWatch:
     """Holds when one of the quantities C x leaves its range.
 
-    Like :class:`BandWatch` it judges most states without forming the quantities.
+    Most states are judged without forming the quantities: none of them can have moved further than
+    the sum of ``reach * abs(x - y)`` since the state y.
 
     Parameters
     ----------
@@ -335,41 +256,6 @@ def _spread(integers, reals, x, verdict):
                 verdict[0] = 1.0
 
 
-def _band(integers, reals, x, verdict):
-    # reals: limit, margin and verdict at the last state y that was judged in full, states in a row for
-    # which the condition held; d, C, reach, y
-    n, n_states, inside = integers[0], integers[1], integers[2]
-    reach = reals[4 + n + n * n_states : 4 + n + (n + 1) * n_states]
-    last = reals[4 + n + (n + 1) * n_states :]
-    moved = 0.0
-    for j in range(n_states):
-        moved += reach[j] * abs(x[j] - last[j])
-    if not moved < reals[1]:
-        worst = _largest(reals[4 : 4 + n], matrix_view(reals, 4 + n, n, n_states), x)
-        within = 1 if worst <= reals[0] else 0
-        reals[1] = abs(worst - reals[0])
-        reals[2] = 1.0 if within == inside else 0.0
-        for j in range(n_states):
-            last[j] = x[j]
-    reals[3] = reals[3] + 1.0 if reals[2] != 0.0 else 0.0
-    verdict[0] = 1.0 if reals[3] >= integers[3] else 0.0
-
-
-@compiled_part
-def _largest(offset, matrix, x):
-    """Largest magnitude in C x + d; NaN where one is."""
-    worst = 0.0
-    for i in range(matrix.shape[0]):
-        value = offset[i]
-        for j in range(matrix.shape[1]):
-            value += matrix[i, j] * x[j]
-        if not abs(value) <= worst:
-            worst = abs(value)
-        if np.isnan(value):
-            return value
-    return worst
-
-
 def _box(integers, reals, x, verdict):
     # reals: margin and verdict at the last state y that was judged in full; lower, upper, C, reach, y
     n, n_states = integers[0], integers[1]
@@ -406,11 +292,6 @@ def _furthest(lower, upper, matrix, x):
 @cache
 def _compiled_spread() -> Any:
     return compile_callback(_spread, WATCH_SIGNATURE)
-
-
-@cache
-def _compiled_band() -> Any:
-    return compile_callback(_band, WATCH_SIGNATURE)
 
 
 @cache
