@@ -15,8 +15,8 @@ the ladder that is not at a limit.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -48,8 +48,9 @@ from gridfold.runs.simulate import INSTANT, ModelStore, SimulationPlan, plan_sim
 from gridfold.runs.size import check_states
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
-from gridfold.simulation.run import run_plan
+from gridfold.simulation.run import Run, run_plan
 from gridfold.simulation.segment import Piece, Segment
+from gridfold.systems.status import Status
 
 #: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
 #: still reached, twice as long.
@@ -122,6 +123,12 @@ class AdaptiveRun(Card):
     error_estimate_deg: float | None = None
     attempts: tuple[Attempt, ...] = ()
 
+    @property
+    def pieces(self) -> Iterator[tuple[Piece, Mode, DetailedModel]]:
+        """Pieces, which model was in use in each, and that of the whole network."""
+        run = self.trajectory
+        return zip(run.run.pieces, self.modes, run.models, strict=False)
+
     def _facts(self) -> dict[str, object]:
         used = dict.fromkeys(mode.value for mode in self.modes)
         facts = {
@@ -177,11 +184,28 @@ class AdaptivePlan:
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
     moved: dict[str, float] = field(default_factory=dict)
     light: dict[Mode, float] = field(default_factory=dict)
+    pause: float = np.inf
+    paused: tuple[float, Segment] | None = None
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
-        """The segment from `time` and the state `x` on."""
-        if time >= self.plan.t_end - INSTANT:
+        """The segment from `time` and the state `x` on; None at a pause, too."""
+        if time >= min(self.pause, self.plan.t_end) - INSTANT:
             return None
+        if self.paused is not None and abs(time - self.paused[0]) < INSTANT:
+            segment = self.paused[1]
+            self.models.append(self.models[-1])
+            self.modes.append(self.modes[-1])
+            self.limits.append(self.limits[-1])
+        else:
+            segment = self._chosen(time, x)
+        self.paused = None
+        if segment.until > self.pause + INSTANT:
+            self.paused = self.pause, segment
+            return replace(segment, until=self.pause)
+        return segment
+
+    def _chosen(self, time: float, x: NDArray[np.float64]) -> Segment:
+        """The segment of the model that is chosen at `time` in the state `x`."""
         stage, model, end = self._stage(time, x)
         choice = self._choose(time, model, x)
         mode, reason = choice.mode, choice.reason
@@ -382,6 +406,103 @@ class AdaptivePlan:
         self.switches.append(Switch(time, before, mode, reason, jump))
 
 
+class AdaptiveSimulation:
+    """A run with the adaptive algorithm that may pause.
+
+    Parameters
+    ----------
+    model, family, rule, events, t_end, stepper, criterion, store
+        As in :func:`simulate_adaptive`.
+    """
+
+    def __init__(
+        self,
+        model: DetailedModel,
+        family: ModelFamily | SmallModels,
+        rule: SwitchingRule,
+        events: Sequence[Event] = (),
+        t_end: float = 16.0,
+        stepper: Stepper | None = None,
+        criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+        store: ModelStore | None = None,
+    ) -> None:
+        began = clock.perf_counter()
+        self._model, self._events = model, tuple(events)
+        self.t_end, self.criterion = t_end, criterion
+        self._method = fit_stepper(model, stepper)
+        self._small = family if isinstance(family, SmallModels) else SmallModels(family)
+        check_states(model, t_end, self._method.stepper.step)
+        self._stages = plan_simulation(model, events, t_end, store)
+        protection = protection_among(events, model)
+        self._blind = ""
+        if protection is not None:
+            self._blind = blind_spots(protection.elements, self._small.family, model.case)
+        step = self._method.stepper.step
+        self._plan = AdaptivePlan(
+            self._stages, self._small, rule, criterion, step, protection, self._blind
+        )
+        self._run, self._time, self._x = Run((), Status.COMPLETED), 0.0, self._stages.x0
+        self._setup_seconds = clock.perf_counter() - began
+        self._seconds = self._reduction_seconds = 0.0
+
+    @property
+    def status(self) -> Status:
+        """How the run has gone so far."""
+        return self._run.status
+
+    @property
+    def pieces(self) -> Iterator[tuple[Piece, Mode, DetailedModel]]:
+        """The run so far: pieces, which model was in use, and that of the whole network."""
+        return zip(self._run.pieces, self._plan.modes, self._plan.models, strict=False)
+
+    def after_events(self, part: float) -> float:
+        """When a part of the time from the last event to the end has gone by, in s."""
+        last, step = self._stages.stages[-1].start, self._method.stepper.step
+        return last + step * max(1, round(part * (self.t_end - last) / step))
+
+    @one_blas_thread
+    def advance(self, until: float = np.inf) -> Status:
+        """Go on to the time `until` (s), or to the end; nothing follows a run that ended early."""
+        if self.status is not Status.COMPLETED:
+            return self.status
+        spent, began = self._small.seconds, clock.perf_counter()
+        self._plan.pause = until
+        more = run_plan(self._plan, self._x, self._method.stepper, self._time)
+        self._run = replace(more, pieces=(*self._run.pieces, *more.pieces))
+        if more.pieces:
+            last = more.pieces[-1]
+            self._time, self._x = float(last.times[-1]), last.segment.lift(last.states[-1])
+        reduction = self._small.seconds - spent
+        self._reduction_seconds += reduction
+        self._seconds += clock.perf_counter() - began - reduction
+        return self.status
+
+    def result(self) -> AdaptiveRun:
+        """The run, once it has come to its end."""
+        began, plan, stages = clock.perf_counter(), self._plan, self._stages
+        notices = plan.notices(self._run.pieces)
+        if self._blind:
+            notices.append(Notice(0.0, f"the detailed model throughout: {self._blind}"))
+        reached = plan.plan.reached(self._time)
+        doubts = stages.step_notices(self._method)
+        trajectory = Trajectory(
+            model=self._model,
+            run=self._run,
+            models=tuple(plan.models),
+            events=self._events,
+            notices=in_order(*doubts, *stage_notices(*reached), *notices),
+            stepper=self._method.stepper,
+            criterion=self.criterion,
+            t_end=self.t_end,
+            setup_seconds=self._setup_seconds,
+            simulation_seconds=self._seconds + clock.perf_counter() - began,
+            method_reason=self._method.reason,
+            study_buses=self._small.family.parts.study_buses,
+        )
+        switches = tuple(plan.switches)
+        return AdaptiveRun(trajectory, switches, self._reduction_seconds, tuple(plan.modes))
+
+
 @one_blas_thread
 def simulate_adaptive(
     model: DetailedModel,
@@ -410,36 +531,6 @@ def simulate_adaptive(
         As in :func:`gridfold.simulate`. With relays among the events nothing in the study area is
         linear; where one of them watches something outside of it, the run is detailed and says so.
     """
-    method = fit_stepper(model, stepper)
-    small = family if isinstance(family, SmallModels) else SmallModels(family)
-    spent = small.seconds
-    began = clock.perf_counter()
-    check_states(model, t_end, method.stepper.step)
-    stages = plan_simulation(model, events, t_end, store)
-    protection = protection_among(events, model)
-    blind = ""
-    if protection is not None:
-        blind = blind_spots(protection.elements, small.family, model.case)
-    plan = AdaptivePlan(stages, small, rule, criterion, method.stepper.step, protection, blind)
-    ready = clock.perf_counter()
-    run = run_plan(plan, stages.x0, method.stepper)
-    notices = plan.notices(run.pieces)
-    notices += [Notice(0.0, f"the detailed model throughout: {blind}")] if blind else []
-    done = clock.perf_counter()
-    reduction = small.seconds - spent
-    reached = plan.plan.reached(float(run.pieces[-1].times[-1]))
-    trajectory = Trajectory(
-        model=model,
-        run=run,
-        models=tuple(plan.models),
-        events=tuple(events),
-        notices=in_order(*stages.step_notices(method), *stage_notices(*reached), *notices),
-        stepper=method.stepper,
-        criterion=criterion,
-        t_end=t_end,
-        setup_seconds=ready - began,
-        simulation_seconds=done - ready - reduction,
-        method_reason=method.reason,
-        study_buses=small.family.parts.study_buses,
-    )
-    return AdaptiveRun(trajectory, tuple(plan.switches), reduction, tuple(plan.modes))
+    simulation = AdaptiveSimulation(model, family, rule, events, t_end, stepper, criterion, store)
+    simulation.advance()
+    return simulation.result()

@@ -1,23 +1,28 @@
 """Runs whose rotor angles are right within a tolerance, by the cheapest model that is good enough.
 
 A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
-the run's outcome lies within its error, the next rung repeats it. The detailed model ends the climb. It
-also takes every run that leads to another topology: to make models for that costs more than the run.
-So it does where relays watch, which may lead there.
+the run's outcome lies within its error, the next rung repeats it. It is looked at a first time soon
+after the last event: the squared error only grows, so that a rung that has used up the tolerance there
+is left at once. The detailed model ends the climb. It also takes every run that leads to another
+topology: to make models for that costs more than the run. So it does where relays watch, which may
+lead there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import inf
-
-import numpy as np
 
 from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun, Attempt, simulate_adaptive
-from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
+from gridfold.equivalents.adaptive import (
+    AdaptiveRun,
+    AdaptiveSimulation,
+    Attempt,
+    simulate_adaptive,
+)
+from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator, ErrorTrail
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import DWELL, WHOLE_DEG
@@ -36,6 +41,11 @@ from gridfold.systems.status import Status
 
 #: Part of the tolerance that an estimate may reach.
 TRUSTED = 0.9
+#: Part of the time from the last event to the end after which a run is looked at first.
+PROBE = 1 / 8
+
+#: Says why an outcome may be another one within the error, from a run and the same with its error.
+Doubt = Callable[[Trajectory, Trajectory], str | None]
 
 
 class TolerantModel(Card):
@@ -82,21 +92,23 @@ class TolerantModel(Card):
         stepper: Stepper | None = None,
         criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
         store: ModelStore | None = None,
+        doubt: Doubt | None = None,
     ) -> AdaptiveRun:
-        """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`."""
+        """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`.
+
+        A run of which `doubt` says something is repeated as well.
+        """
         known = {} if store is None else store
         rest = (events, t_end, stepper, criterion, known)
         last = plan_simulation(model, events, t_end, known).models[-1]
         attempts: list[Attempt] = []
         stays = topology(last.state, last.case) == INTACT and not relays_of_run(events, last.case)
         for rule in self.rules if stays else ():
-            run = simulate_adaptive(model, self.small, rule, *rest)
-            attempt = self._judge(run)
-            attempts.append(attempt)
-            if attempt.refused is None and attempt.estimate_deg is not None:
-                return replace(
-                    run, error_estimate_deg=attempt.estimate_deg, attempts=tuple(attempts)
-                )
+            tried = self._try(AdaptiveSimulation(model, self.small, rule, *rest), doubt)
+            attempts.append(tried.attempt)
+            if tried.run is not None:
+                estimate = tried.attempt.estimate_deg
+                return replace(tried.run, error_estimate_deg=estimate, attempts=tuple(attempts))
         detailed = simulate(model, *rest)
         modes = (Mode.DETAILED,) * len(detailed.run.pieces)
         attempts.append(Attempt(Mode.DETAILED, 0.0))
@@ -110,32 +122,57 @@ class TolerantModel(Card):
         if self.estimator is None:
             return
         faults = sample_faults(parts)
-        runs = {
+        whole = {
             rule: [simulate_adaptive(parts.model, self.small, rule, [f]) for f in faults]
             for rule in self.rules
         }
-        self.estimator.focus(run for tried in runs.values() for run in tried)
-        for rule, tried in runs.items():
-            if any(self._judge(run).refused is None for run in tried):
+        self.estimator.focus(run for tried in whole.values() for run in tried)
+        for rule in self.rules:
+            sample = (AdaptiveSimulation(parts.model, self.small, rule, [f]) for f in faults)
+            if any(self._try(simulation).run is not None for simulation in sample):
                 yield rule
 
-    def _judge(self, run: AdaptiveRun) -> Attempt:
-        order = list(Mode)
-        used = [mode for mode, stage in zip(run.modes, run.trajectory.models, strict=False)
-                if not stage.state.faulted]  # fmt: skip
-        mode = min(used or [Mode.DETAILED], key=order.index)
-        if run.trajectory.status is not Status.COMPLETED:
-            return Attempt(mode, None, f"its outcome is {run.trajectory.status.value}")
+    def _try(self, simulation: AdaptiveSimulation, doubt: Doubt | None = None) -> _Tried:
+        """Take a run to its end, or as far as it may still be within the tolerance."""
         assert self.estimator is not None
-        estimate = self.estimator.estimate(run)
-        if estimate is None:
-            return Attempt(mode, None, "its error cannot be estimated")
-        worst = estimate.worst_deg
+        if not self.estimator.possible:
+            return _Tried(Attempt(_highest(simulation), None, "its error cannot be estimated"))
+        trail = ErrorTrail(self.estimator)
+        for until in (simulation.after_events(PROBE), inf):
+            status = simulation.advance(until)
+            if status is not Status.COMPLETED:
+                refused = f"its outcome is {status.value}"
+                return _Tried(Attempt(_highest(simulation), None, refused))
+            trail.follow(simulation)
+            estimate = trail.estimate()
+            worst = estimate.worst_over(simulation.t_end)
+            why = self._why_not(estimate, worst, simulation.criterion)
+            if why is not None:
+                return _Tried(Attempt(_highest(simulation), worst, why))
+        run = simulation.result()
+        if doubt is not None:
+            why = doubt(run.trajectory, trail.corrected(run.trajectory))
+        return _Tried(Attempt(_highest(simulation), worst, why), run if why is None else None)
+
+    def _why_not(
+        self, estimate: ErrorEstimate, worst: float, criterion: SynchronismCriterion | None
+    ) -> str | None:
+        """Why a run with this error is not taken."""
         if not worst <= TRUSTED * self.tolerance_deg:
-            return Attempt(mode, worst, "its error is above the tolerance")
-        if _near_the_limit(run.trajectory, estimate):
-            return Attempt(mode, worst, "synchronism is lost within its error")
-        return Attempt(mode, worst)
+            return "its error is above the tolerance"
+        if criterion is not None and estimate.largest_deg >= criterion.limit_deg:
+            return "synchronism is lost within its error"
+        if criterion is not None and estimate.fastest_pu >= criterion.speed_limit:
+            return "a machine is off speed within its error"
+        return None
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """An attempt, and the run if it is taken."""
+
+    attempt: Attempt
+    run: AdaptiveRun | None = None
 
 
 def _rules(ladder: Ladder) -> Iterator[SwitchingRule]:
@@ -148,9 +185,7 @@ def _rules(ladder: Ladder) -> Iterator[SwitchingRule]:
         yield SwitchingRule(0.0, inf)
 
 
-def _near_the_limit(run: Trajectory, estimate: ErrorEstimate) -> bool:
-    """Whether a machine may have passed the limit of synchronism within the largest estimated error."""
-    if run.criterion is None:
-        return False
-    error = float(np.nanmax(np.abs(estimate.angles_deg), initial=0.0))
-    return estimate.largest_deg + error >= run.criterion.limit_deg
+def _highest(simulation: AdaptiveSimulation) -> Mode:
+    """The most exact model that was in use without a fault."""
+    used = [mode for _, mode, model in simulation.pieces if not model.state.faulted]
+    return min(used or [Mode.DETAILED], key=list(Mode).index)
