@@ -1,11 +1,10 @@
 """Runs whose rotor angles are right within a tolerance, by the cheapest model that is good enough.
 
-A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
-the run's outcome lies within its error, the next rung repeats it. It is looked at a first time soon
-after the last event: the squared error only grows, so that a rung that has used up the tolerance there
-is left at once. The detailed model ends the climb. It also takes every run that leads to another
-topology: to make models for that costs more than the run. So it does where relays watch, which may
-lead there.
+A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large the next
+rung repeats it. It is looked at a first time soon after the last event: the squared error only grows,
+so that a rung that has used up the tolerance there is left at once. The detailed model ends the climb.
+It repeats every run whose outcome lies within its error, and takes those that lead to another topology:
+to make models for that costs more than the run. So it does where relays watch, which may lead there.
 """
 
 from __future__ import annotations
@@ -116,6 +115,8 @@ class TolerantModel(Card):
             if tried.run is not None:
                 estimate = tried.attempt.estimate_deg
                 return replace(tried.run, error_estimate_deg=estimate, attempts=tuple(attempts))
+            if tried.attempt.within_error:
+                break
         detailed = simulate(model, *rest)
         within = [item for item in attempts if item.within_error]
         if within:

@@ -17,8 +17,8 @@ def doubt_of(
 ) -> str | None:
     """What may be judged otherwise within the error of a run, in words; None if nothing is.
 
-    A criterion is in doubt where the two verdicts differ, and where twice what the error moves its value
-    by would use up the margin.
+    A criterion is in doubt where the two verdicts differ, and where twice what the error moves its
+    value by would use up the margin.
 
     Parameters
     ----------
