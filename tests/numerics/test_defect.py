@@ -136,7 +136,7 @@ def test_steps_grow_where_the_error_moves_as_the_modes_do(straight, modes) -> No
     """Without a defect only exponentials are left, which are exact with any step."""
     times = np.linspace(0, 16, 1601)
     found = carried(straight, modes, compiled(_still), times, np.zeros((1601, 2)), [0.2, 0.0])
-    assert len(found.rows) < 16 / 0.05 / 3
+    assert len(found.rows) < 16 / 0.05 / 2
     free = solve(straight, [0.2, 0.0], 16)(times[found.rows]).T
     np.testing.assert_allclose(modes.lift(found.errors), free, atol=1e-9)
 

@@ -16,6 +16,7 @@ from gridfold.equivalents.compare import Comparison, UnitError, compare
 from gridfold.equivalents.error_budget import ErrorBudget
 from gridfold.equivalents.error_causes import NO_CAUSES, ErrorCauses
 from gridfold.grid.case import UnitKey
+from gridfold.grid.criteria import Criterion
 from gridfold.grid.events import Event
 from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
 from gridfold.runs.method import Choice
@@ -138,6 +139,7 @@ class Disturbance:
     method: Choice
     criterion: SynchronismCriterion | None
     study_buses: frozenset[int] | None = None
+    criteria: Sequence[Criterion] = ()
 
     def solve(self, simulator: Simulator, comparing: bool, budgeting: bool = False) -> Outcome:
         """On the model of `simulator`.
@@ -151,7 +153,7 @@ class Disturbance:
             note = _NO_COMPARISON if comparing else None
             run = replace(simulate(*rest), method_reason=reason, study_buses=self.study_buses)
             return Outcome(run, note=note, tolerance=_kept(simulator, 0.0))
-        found = simulator.run(*rest)
+        found = simulator.run(*rest, self.criteria)
         seconds = simulator.seconds + found.reduction_seconds
         trajectory = replace(found.trajectory, method_reason=reason)
         kept = _kept(simulator, found.error_estimate_deg, found)

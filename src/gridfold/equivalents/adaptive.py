@@ -81,12 +81,15 @@ class Switch(NamedTuple):
 class Attempt:
     """A run that was tried for a tolerance: its most exact model, and why it was not taken.
 
-    `estimate_deg` is its estimated error; None where it lost synchronism or none could be made.
+    `estimate_deg` is its estimated error, at least, where it was given up early; None where it lost
+    synchronism or none could be made. `within_error`: it was not taken because its outcome may be
+    another one within its error.
     """
 
     mode: Mode
     estimate_deg: float | None
     refused: str | None = None
+    within_error: bool = False
 
     def record(self) -> dict[str, object]:
         """The same, ready for JSON."""

@@ -1,16 +1,16 @@
 """Runs whose rotor angles are right within a tolerance, by the cheapest model that is good enough.
 
-A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large, or where
-the run's outcome lies within its error, the next rung repeats it. It is looked at a first time soon
-after the last event: the squared error only grows, so that a rung that has used up the tolerance there
-is left at once. The detailed model ends the climb. It also takes every run that leads to another
-topology: to make models for that costs more than the run. So it does where relays watch, which may
-lead there.
+A run begins on the lowest rung of a ladder. Its error is estimated; where that is too large the next
+rung repeats it. It is looked at a first time soon after the last event: the squared error only grows,
+so that a rung that has used up the tolerance there is left at once. The detailed model ends the climb.
+It repeats every run whose outcome lies within its error, and takes those that lead to another topology:
+to make models for that costs more than the run. So it does where relays watch, which may lead there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import time as clock
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -33,22 +33,20 @@ from gridfold.equivalents.split_error import ErrorSplitter
 from gridfold.equivalents.swings import sample_faults
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.errors import OptionError
+from gridfold.grid.criteria import Criterion
 from gridfold.grid.events import Event
 from gridfold.grid.relays import relays_of_run
 from gridfold.numerics.steppers import Stepper
-from gridfold.partition import Partition
+from gridfold.runs.criteria import doubt_of
+from gridfold.runs.notices import Notice, in_order
 from gridfold.runs.simulate import ModelStore, plan_simulation, simulate
 from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
-from gridfold.runs.trajectory import Trajectory
 from gridfold.systems.status import Status
 
 #: Part of the tolerance that an estimate may reach.
 TRUSTED = 0.9
 #: Part of the time from the last event to the end after which a run is looked at first.
 PROBE = 1 / 8
-
-#: Says why an outcome may be another one within the error, from a run and the same with its error.
-Doubt = Callable[[Trajectory, Trajectory], str | None]
 
 
 class TolerantModel(Card):
@@ -69,6 +67,12 @@ class TolerantModel(Card):
     ------
     OptionError
         The tolerance is negative or not a number.
+
+    Attributes
+    ----------
+    share : float
+        What runs after the sample faults took, with all attempts and estimates, in parts of detailed
+        runs; 1 where all runs are detailed, infinite for a ladder whose steps were not measured.
     """
 
     def _facts(self) -> dict[str, object]:
@@ -90,7 +94,9 @@ class TolerantModel(Card):
         if self.rules:
             self.estimator = ErrorEstimator(ladder.parts, most=most, area=ladder.fine)
         self.cheap = bool(self.rules)
-        self.rules = tuple(self._that_fit(ladder.parts))
+        self.share = 1.0
+        if self.rules:
+            self._keep_what_fits(ladder)
 
     @property
     def told(self) -> str | None:
@@ -115,11 +121,11 @@ class TolerantModel(Card):
         stepper: Stepper | None = None,
         criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
         store: ModelStore | None = None,
-        doubt: Doubt | None = None,
+        criteria: Sequence[Criterion] = (),
     ) -> AdaptiveRun:
         """Simulate within the tolerance; arguments as in :func:`gridfold.simulate`.
 
-        A run of which `doubt` says something is repeated as well.
+        Where its error could turn the verdict of one of the `criteria`, a run is repeated as well.
         """
         known = {} if store is None else store
         rest = (events, t_end, stepper, criterion, known)
@@ -127,7 +133,7 @@ class TolerantModel(Card):
         attempts: list[Attempt] = []
         stays = topology(last.state, last.case) == INTACT and not relays_of_run(events, last.case)
         for rule in self.rules if stays else ():
-            tried = self._try(AdaptiveSimulation(model, self.small, rule, *rest), doubt)
+            tried = self._try(AdaptiveSimulation(model, self.small, rule, *rest), criteria)
             attempts.append(tried.attempt)
             if tried.run is not None and tried.estimate is not None:
                 return replace(
@@ -136,30 +142,53 @@ class TolerantModel(Card):
                     attempts=tuple(attempts),
                     find_causes=partial(self._splitter.split, tried.estimate),
                 )
+            if tried.attempt.within_error:
+                break
         detailed = simulate(model, *rest)
+        within = [item for item in attempts if item.within_error]
+        if within:
+            text = (
+                f"repeated in detail: with the {within[-1].mode.value} model {within[-1].refused}"
+            )
+            notices = in_order(*detailed.notices, Notice(0.0, text))
+            detailed = replace(detailed, notices=notices)
         modes = (Mode.DETAILED,) * len(detailed.run.pieces)
         attempts.append(Attempt(Mode.DETAILED, 0.0))
         return AdaptiveRun(detailed, (), 0.0, modes, 0.0, tuple(attempts), lambda: NO_CAUSES)
 
-    def _that_fit(self, parts: Partition) -> Iterator[SwitchingRule]:
-        """Rungs that keep the tolerance after one of the sample faults; the others are not tried.
+    def _keep_what_fits(self, ladder: Ladder) -> None:
+        """Of the rungs those that keep the tolerance after one of the sample faults.
 
-        The errors of these runs tell which modes an estimate needs.
+        The errors of these runs tell which modes an estimate needs, their time what a climb takes.
         """
-        if self.estimator is None:
-            return
-        faults = sample_faults(parts)
-        whole = {
-            rule: [simulate_adaptive(parts.model, self.small, rule, [f]) for f in faults]
+        assert self.estimator is not None
+        model, faults = ladder.parts.model, sample_faults(ladder.parts)
+        whole = [
+            simulate_adaptive(model, self.small, rule, [fault])
             for rule in self.rules
-        }
-        self.estimator.focus(run for tried in whole.values() for run in tried)
+            for fault in faults
+        ]
+        self.estimator.focus(whole)
+        climbs: list[list[tuple[float, bool]]] = [[] for _ in faults]
+        kept = []
         for rule in self.rules:
-            sample = (AdaptiveSimulation(parts.model, self.small, rule, [f]) for f in faults)
-            if any(self._try(simulation).run is not None for simulation in sample):
-                yield rule
+            tried = []
+            for fault in faults:
+                began = clock.thread_time()
+                run = self._try(AdaptiveSimulation(model, self.small, rule, [fault])).run
+                tried.append((clock.thread_time() - began, run is not None))
+            if any(fits for _, fits in tried):
+                kept.append(rule)
+                for climb, attempt in zip(climbs, tried, strict=True):
+                    climb.append(attempt)
+        self.rules = tuple(kept)
+        if kept:
+            step = ladder.step_seconds.get(Mode.DETAILED, 0.0)
+            detailed = step * max(run.trajectory.run.step_count for run in whole)
+            spent = sum(_climbed(climb, detailed) for climb in climbs) / len(climbs)
+            self.share = spent / detailed if detailed else inf
 
-    def _try(self, simulation: AdaptiveSimulation, doubt: Doubt | None = None) -> _Tried:
+    def _try(self, simulation: AdaptiveSimulation, criteria: Sequence[Criterion] = ()) -> _Tried:
         """Take a run to its end, or as far as it may still be within the tolerance."""
         assert self.estimator is not None
         if not self.estimator.possible:
@@ -173,26 +202,17 @@ class TolerantModel(Card):
             trail.follow(simulation)
             estimate = trail.estimate()
             worst = estimate.worst_over(simulation.t_end)
-            why = self._why_not(estimate, worst, simulation.criterion)
+            if not worst <= TRUSTED * self.tolerance_deg:
+                refused = "its error is above the tolerance"
+                return _Tried(Attempt(_highest(simulation), worst, refused))
+            why = _near_the_limit(estimate, simulation.criterion)
             if why is not None:
-                return _Tried(Attempt(_highest(simulation), worst, why))
+                return _Tried(Attempt(_highest(simulation), worst, why, within_error=True))
         run = simulation.result()
-        if doubt is not None:
-            why = doubt(run.trajectory, trail.corrected(run.trajectory))
-        attempt = Attempt(_highest(simulation), worst, why)
+        if criteria:
+            why = doubt_of(run.trajectory, trail.corrected(run.trajectory), criteria)
+        attempt = Attempt(_highest(simulation), worst, why, within_error=why is not None)
         return _Tried(attempt, *((run, estimate) if why is None else ()))
-
-    def _why_not(
-        self, estimate: ErrorEstimate, worst: float, criterion: SynchronismCriterion | None
-    ) -> str | None:
-        """Why a run with this error is not taken."""
-        if not worst <= TRUSTED * self.tolerance_deg:
-            return "its error is above the tolerance"
-        if criterion is not None and estimate.largest_deg >= criterion.limit_deg:
-            return "synchronism is lost within its error"
-        if criterion is not None and estimate.fastest_pu >= criterion.speed_limit:
-            return "a machine is off speed within its error"
-        return None
 
 
 @dataclass(frozen=True)
@@ -202,6 +222,16 @@ class _Tried:
     attempt: Attempt
     run: AdaptiveRun | None = None
     estimate: ErrorEstimate | None = None
+
+
+def _climbed(climb: Sequence[tuple[float, bool]], detailed: float) -> float:
+    """Seconds of attempts up to the first that fits, or with the detailed run after all of them."""
+    spent = 0.0
+    for seconds, fits in climb:
+        spent += seconds
+        if fits:
+            return spent
+    return spent + detailed
 
 
 def _rules(ladder: Ladder, tolerance_deg: float) -> Iterator[SwitchingRule]:
@@ -216,6 +246,15 @@ def _rules(ladder: Ladder, tolerance_deg: float) -> Iterator[SwitchingRule]:
         retained = len(modes) > 2 and modes[0] is not modes[1]
         near = whole if retained and made_for_it else 0.0
         yield SwitchingRule(near, inf, whole_deg=near, dwell=DWELL)
+
+
+def _near_the_limit(estimate: ErrorEstimate, criterion: SynchronismCriterion | None) -> str | None:
+    """Why a machine may have passed a limit of the criterion within the error."""
+    if criterion is not None and estimate.largest_deg >= criterion.limit_deg:
+        return "synchronism is lost within its error"
+    if criterion is not None and estimate.fastest_pu >= criterion.speed_limit:
+        return "a machine is off speed within its error"
+    return None
 
 
 def _highest(simulation: AdaptiveSimulation) -> Mode:

@@ -33,12 +33,12 @@ from gridfold.numerics.modal_form import ModalForm
 from gridfold.numerics.rhs import CompiledRhs
 
 #: Change of the outputs, in parts of the largest so far, below which a window is not repeated.
-CHANGE = 0.03
+CHANGE = 0.04
 #: What twice the steps may change, in the same parts, for steps to become twice as long; they become
 #: half as long where it is this many times as much.
-COARSER, FINER = 0.03, 16.0
+COARSER, FINER = 0.05, 16.0
 #: Most steps of a window, and how often one is repeated before it is cut.
-LONGEST, REPEATS = 64, 6
+LONGEST, REPEATS = 32, 6
 #: Part of the change before above which a repeated window does not converge.
 SLOWEST = 0.5
 #: |L h| below which the phi functions are taken from their series, and its terms.

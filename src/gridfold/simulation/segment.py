@@ -139,7 +139,6 @@ class Piece:
 
     def states_at(self, index: NDArray[np.int64], rows: slice = slice(None)) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,) alone, shape (n_rows, m)."""
-        coordinates = self.segment.coordinates
-        if lifts_rows(coordinates):
-            return coordinates.lift_rows(self.states[rows], index)
+        if lifts_rows(self.segment.coordinates):
+            return self.segment.lift_rows(self.states[rows], index)
         return self.full_states[rows, index]

@@ -227,7 +227,7 @@ class _Solver:
         if ready.tolerant is None:
             return self._adaptive(small, ready.rule, events)
         rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
-        return ready.tolerant.run(ready.model, events, *rest)
+        return ready.tolerant.run(ready.model, events, *rest, ready.criteria)
 
     def _adaptive(
         self, small: SmallModels, rule: SwitchingRule, events: Sequence[Event]
