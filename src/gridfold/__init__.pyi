@@ -13,6 +13,7 @@ from gridfold.equivalents.error_budget import error_budget
 from gridfold.equivalents.error_estimate import ErrorEstimate, ErrorEstimator
 from gridfold.equivalents.families import reduce_external as reduce
 from gridfold.equivalents.families import whole_system
+from gridfold.equivalents.fitted import fit_ladder
 from gridfold.equivalents.folded import fold
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Weights
@@ -221,6 +222,7 @@ __all__ = [
     "critical_clearing_time",
     "critical_clearing_times",
     "error_budget",
+    "fit_ladder",
     "fold",
     "judge",
     "load_case",

@@ -98,3 +98,52 @@ def test_an_area_that_cannot_be_reduced_leaves_the_model_detailed(parts, costs):
         "the external area cannot be reduced: all external machines are retained: none is left to be "
         "linear"
     )
+
+
+TOLERANT = replace(SETTINGS, retain=RetainSettings(count=1), tolerance_deg=0.5)
+
+
+class Tolerant:
+    """In the place of a model that keeps a tolerance: it has rungs, and a cost that was measured."""
+
+    def __init__(self, share, rules=("a rung",)):
+        self.share, self.rules = share, rules
+
+    def __call__(self, family, tolerance):
+        assert tolerance == TOLERANT.tolerance_deg
+        return self
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.5, "adaptive"), (1.2, "detailed")])
+def test_estimates_and_attempts_count_within_a_tolerance(parts, costs, monkeypatch, share, kind):
+    """Of 10 runs 4 lead to another topology, and are detailed: 6 * share + 4 of 10."""
+    monkeypatch.setattr(auto, "TolerantModel", found := Tolerant(share))
+    chosen = choose(TOLERANT, parts.model, parts, Work(10, 100, topologies=4))
+    assert chosen.kind.value == kind
+    assert (chosen.tolerant is found) is (kind == "adaptive")
+    assert "the ladder, its estimates and attempts that miss the tolerance" in chosen.reason
+    assert f"take {100 * (6 * share + 4):.2g} s, {share:.2f} of the detailed model" in chosen.reason
+
+
+def test_where_no_rung_keeps_the_tolerance_the_model_is_detailed(parts, costs, monkeypatch):
+    monkeypatch.setattr(auto, "TolerantModel", Tolerant(1.0, ()))
+    found = choose(TOLERANT, parts.model, parts, Work(10, 100))
+    assert (found.kind, found.family) == (ModelKind.DETAILED, None)
+    assert found.reason.endswith(
+        "no cheaper model keeps 0.5 degrees after faults at boundary buses"
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "work", "told"),
+    [
+        (TOLERANT, Work(10, 100, topologies=10), "all runs lead to another topology"),
+        (replace(TOLERANT, tolerance_deg=0.0), Work(10, 100), "with a tolerance of 0 degrees"),
+    ],
+    ids=["topologies", "zero"],
+)
+def test_what_is_detailed_anyway_is_not_reduced(parts, monkeypatch, settings, work, told):
+    monkeypatch.setattr(ModelSettings, "build", None)
+    found = choose(settings, parts.model, parts, work)
+    assert found.kind is ModelKind.DETAILED
+    assert told in found.reason

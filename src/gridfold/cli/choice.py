@@ -31,6 +31,7 @@ from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
+from gridfold.grid.criteria import Criterion
 from gridfold.grid.events import Event
 from gridfold.grid.selection_text import as_ranges
 from gridfold.numerics.steppers import Stepper
@@ -163,8 +164,10 @@ class ModelChoice:
         if chosen.family is None:
             asked = self.switching.tolerance_deg
             return Simulator(ModelKind.DETAILED, reason=chosen.reason, tolerance_deg=asked)
-        simulator = Simulator.of(settings, chosen.family, time.perf_counter() - began)
-        return replace(simulator, reason=chosen.reason)
+        spent = time.perf_counter() - began
+        simulator = Simulator.of(settings, chosen.family, spent, chosen.tolerant)
+        told = [chosen.reason, *([] if simulator.reason is None else [simulator.reason])]
+        return replace(simulator, reason="; ".join(told))
 
     def _settings(self, parts: Partition, norm: float | None = None) -> ModelSettings:
         settings = self.external.settings(self.model, parts)
@@ -215,17 +218,24 @@ class Simulator:
     tolerant: TolerantModel | None = None
 
     @classmethod
-    def of(cls, settings: ModelSettings, family: Family, seconds: float) -> Simulator:
-        """The reduced model with `settings`."""
+    def of(
+        cls,
+        settings: ModelSettings,
+        family: Family,
+        seconds: float,
+        tolerant: TolerantModel | None = None,
+    ) -> Simulator:
+        """The reduced model with `settings`, and what keeps its tolerance if that is known."""
         used = UsedModel(settings.kind.value, settings.record(family))
         if settings.tolerance_deg is None or not isinstance(family, Ladder):
             return cls(settings.kind, settings, SmallModels(family), used, seconds)
-        began = time.perf_counter()
-        tolerant = TolerantModel(family, settings.tolerance_deg)
-        seconds += time.perf_counter() - began
+        if tolerant is None:
+            began = time.perf_counter()
+            tolerant = TolerantModel(family, settings.tolerance_deg)
+            seconds += time.perf_counter() - began
         return cls(
             settings.kind, settings, tolerant.small, used, seconds,
-            tolerance_deg=settings.tolerance_deg, tolerant=tolerant,
+            reason=tolerant.told, tolerance_deg=settings.tolerance_deg, tolerant=tolerant,
         )  # fmt: skip
 
     @property
@@ -241,13 +251,17 @@ class Simulator:
         stepper: Stepper | None,
         criterion: SynchronismCriterion | None,
         store: ModelStore | None = None,
+        criteria: Sequence[Criterion] = (),
     ) -> AdaptiveRun:
-        """Simulate; arguments as in :func:`gridfold.simulate`."""
+        """Simulate; arguments as in :func:`gridfold.simulate`.
+
+        With a tolerance no error turns the verdict of one of the `criteria`.
+        """
         if self.small is None or self.settings is None:
             return AdaptiveRun(simulate(model, events, t_end, stepper, criterion, store), (), 0.0)
         rest = (events, t_end, stepper, criterion, store)
         if self.tolerant is not None:
-            run = self.tolerant.run(model, *rest)
+            run = self.tolerant.run(model, *rest, criteria)
         else:
             run = simulate_adaptive(model, self.small, self.settings.rule, *rest)
         return replace(run, trajectory=replace(run.trajectory, used_model=self.used))

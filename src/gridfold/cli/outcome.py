@@ -11,10 +11,12 @@ import numpy as np
 from gridfold.cli.choice import Simulator
 from gridfold.cli.console import out
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import Attempt, Switch
+from gridfold.equivalents.adaptive import AdaptiveRun, Attempt, Switch
 from gridfold.equivalents.compare import Comparison, UnitError, compare
 from gridfold.equivalents.error_budget import ErrorBudget
+from gridfold.equivalents.error_causes import NO_CAUSES, ErrorCauses
 from gridfold.grid.case import UnitKey
+from gridfold.grid.criteria import Criterion
 from gridfold.grid.events import Event
 from gridfold.report.tables import budget_table, error_table, facts_table, switch_table
 from gridfold.runs.method import Choice
@@ -31,16 +33,19 @@ _NO_COMPARISON = "No comparison: the run itself is detailed."
 
 @dataclass(frozen=True)
 class Tolerance:
-    """An error in degrees that was allowed, the estimated one, and the runs that were tried."""
+    """An error in degrees that was allowed, the estimated one, its causes, and the runs tried."""
 
     tolerance_deg: float
     error_estimate_deg: float
+    causes: ErrorCauses = NO_CAUSES
     attempts: tuple[Attempt, ...] = ()
 
     @property
     def text(self) -> str:
         """For people."""
         text = f"about {self.error_estimate_deg:.2g} degree of {self.tolerance_deg:g} allowed"
+        if self.error_estimate_deg > 0:
+            text += f": {self.causes.text}"
         for tried in self.attempts:
             if tried.refused is not None:
                 about = "" if tried.estimate_deg is None else f" (about {tried.estimate_deg:.2g})"
@@ -52,6 +57,7 @@ class Tolerance:
         return {
             "tolerance_deg": self.tolerance_deg,
             "error_estimate_deg": self.error_estimate_deg,
+            "error_causes_deg": self.causes.record(),
             "attempts": [tried.record() for tried in self.attempts],
         }
 
@@ -133,6 +139,7 @@ class Disturbance:
     method: Choice
     criterion: SynchronismCriterion | None
     study_buses: frozenset[int] | None = None
+    criteria: Sequence[Criterion] = ()
 
     def solve(self, simulator: Simulator, comparing: bool, budgeting: bool = False) -> Outcome:
         """On the model of `simulator`.
@@ -146,10 +153,10 @@ class Disturbance:
             note = _NO_COMPARISON if comparing else None
             run = replace(simulate(*rest), method_reason=reason, study_buses=self.study_buses)
             return Outcome(run, note=note, tolerance=_kept(simulator, 0.0))
-        found = simulator.run(*rest)
+        found = simulator.run(*rest, self.criteria)
         seconds = simulator.seconds + found.reduction_seconds
         trajectory = replace(found.trajectory, method_reason=reason)
-        kept = _kept(simulator, found.error_estimate_deg, found.attempts)
+        kept = _kept(simulator, found.error_estimate_deg, found)
         result = Outcome(trajectory, found.switches, seconds, tolerance=kept)
         if budgeting:
             result = replace(result, budget=simulator.budget(self.events, self.t_end, stepper))
@@ -180,12 +187,15 @@ class Disturbance:
 
 
 def _kept(
-    simulator: Simulator, estimate_deg: float | None, attempts: tuple[Attempt, ...] = ()
+    simulator: Simulator, estimate_deg: float | None, found: AdaptiveRun | None = None
 ) -> Tolerance | None:
     """What there is to tell of the tolerance, if there is one."""
     if simulator.tolerance_deg is None or estimate_deg is None:
         return None
-    return Tolerance(simulator.tolerance_deg, estimate_deg, attempts)
+    if found is None:
+        return Tolerance(simulator.tolerance_deg, estimate_deg)
+    causes = found.error_causes or NO_CAUSES
+    return Tolerance(simulator.tolerance_deg, estimate_deg, causes, found.attempts)
 
 
 def ranked(comparison: Comparison) -> list[UnitError]:

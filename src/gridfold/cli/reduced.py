@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -71,6 +72,13 @@ def reduce(
     source: CaseOptions,
     external: ExternalOptions,
     outputs: OutputsOption = Outputs.POLAR,
+    tolerance_deg: Annotated[
+        float | None,
+        model_option(
+            help="Error (deg) that rotor angles of the study area may have in runs: what is not given "
+            "follows from it."
+        ),
+    ] = None,
     file: Annotated[
         Path | None, typer.Option("--out", help="Write the reduced model (.npz).")
     ] = None,
@@ -84,7 +92,7 @@ def reduce(
     began = time.perf_counter()
     parts = external.divide(model, source.case)
     kind = ModelKind.PAPER if outputs is Outputs.STATES else ModelKind.ADAPTIVE
-    settings = external.settings(kind, parts)
+    settings = replace(external.settings(kind, parts), tolerance_deg=tolerance_deg)
     family = settings.build(parts)
     seconds = time.perf_counter() - began
     assert isinstance(family, Ladder | ReducedExternal)

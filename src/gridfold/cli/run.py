@@ -304,7 +304,7 @@ def simulate(
     method = runs.choose(grid, happenings)
     ready = time.perf_counter()
     study = choice.external.area.known(grid.case, source.case)
-    task = Disturbance(grid, happenings, runs.t_end, method, criterion, study)
+    task = Disturbance(grid, happenings, runs.t_end, method, criterion, study, asked)
     work = Work(1, round(runs.t_end / method.stepper.step))
     columns = results.watched(grid, study)
     tables = results.tables(columns)

@@ -252,6 +252,37 @@ def pack_port_rhs(
     )
 
 
+def inputs_along(
+    area: LinearPorts, compiled: CompiledRhs, states: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What drives the linear area in states of the model, less what it is at the operating point.
+
+    Parameters
+    ----------
+    area : LinearPorts
+        The area.
+    compiled : CompiledRhs
+        From :func:`pack_port_rhs`.
+    states : ndarray, shape (n_times, n)
+        States v.
+
+    Returns
+    -------
+    ndarray, shape (n_times, 2 p + k)
+        Angles (rad), then logarithms of the port voltages; powers of the prime movers in p.u.
+    """
+    header, ports = compiled.integers, np.arange(len(area.current))
+    rows = header[PORT_WORK_AT] + ports // _LANES * _GROUP + ports % _LANES
+    places, usual = [rows + 6 * _LANES, rows + 7 * _LANES], [np.angle(area.current)]
+    usual.append(np.log(np.abs(area.voltage)))
+    if area.movers is not None:
+        count = len(area.movers.units)
+        places.append(header[header[MOVERS_AT] + count :][:count])
+        usual.append(area.movers.power)
+    found = compiled.work_along(states, np.concatenate(places))
+    return np.asarray(found - np.concatenate(usual))
+
+
 def mover_slots(layout: Layout, units: Collection[UnitKey]) -> list[int]:
     """Where the speeds, then the mechanical powers of `units` stand among the signals."""
     names = ("speed", "mechanical_power")

@@ -15,8 +15,9 @@ the ladder that is not at a limit.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from gridfold.cards import Card, first_few
 from gridfold.dynamics.model import DetailedModel
+from gridfold.equivalents.error_causes import ErrorCauses
 from gridfold.equivalents.families import Mode, ModelFamily, SmallModel
 from gridfold.equivalents.limit_watches import (
     LinearLimits,
@@ -51,6 +53,7 @@ from gridfold.runs.synchronism import DEFAULT_CRITERION, SynchronismCriterion
 from gridfold.runs.trajectory import Trajectory
 from gridfold.simulation.run import Run, run_plan
 from gridfold.simulation.segment import Piece, Segment
+from gridfold.systems.status import Status
 
 #: Time (s) for which the detailed model stays in use once a limit was reached; each time that it is
 #: still reached, twice as long.
@@ -79,12 +82,15 @@ class Switch(NamedTuple):
 class Attempt:
     """A run that was tried for a tolerance: its most exact model, and why it was not taken.
 
-    `estimate_deg` is its estimated error; None where it lost synchronism or none could be made.
+    `estimate_deg` is its estimated error, at least, where it was given up early; None where it lost
+    synchronism or none could be made. `within_error`: it was not taken because its outcome may be
+    another one within its error.
     """
 
     mode: Mode
     estimate_deg: float | None
     refused: str | None = None
+    within_error: bool = False
 
     def record(self) -> dict[str, object]:
         """The same, ready for JSON."""
@@ -114,6 +120,8 @@ class AdaptiveRun(Card):
         of inertia, in degrees; None where it was not asked for.
     attempts : tuple of Attempt
         With a tolerance all runs that were tried, the one that was taken last.
+    find_causes : callable, optional
+        What finds `error_causes`.
     """
 
     trajectory: Trajectory
@@ -122,6 +130,18 @@ class AdaptiveRun(Card):
     modes: tuple[Mode, ...] = ()
     error_estimate_deg: float | None = None
     attempts: tuple[Attempt, ...] = ()
+    find_causes: Callable[[], ErrorCauses] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def error_causes(self) -> ErrorCauses | None:
+        """Where the estimated error came from; None where it was not asked for. Found on demand."""
+        return None if self.find_causes is None else self.find_causes()
+
+    @property
+    def pieces(self) -> Iterator[tuple[Piece, Mode, DetailedModel]]:
+        """Pieces, which model was in use in each, and that of the whole network."""
+        run = self.trajectory
+        return zip(run.run.pieces, self.modes, run.models, strict=False)
 
     def _facts(self) -> dict[str, object]:
         used = dict.fromkeys(mode.value for mode in self.modes)
@@ -178,11 +198,28 @@ class AdaptivePlan:
     told: dict[tuple[str, ...], float] = field(default_factory=dict)
     moved: dict[str, float] = field(default_factory=dict)
     light: dict[Mode, float] = field(default_factory=dict)
+    pause: float = np.inf
+    paused: tuple[float, Segment] | None = None
 
     def next(self, time: float, x: NDArray[np.float64]) -> Segment | None:
-        """The segment from `time` and the state `x` on."""
-        if time >= self.plan.t_end - INSTANT:
+        """The segment from `time` and the state `x` on; None at a pause, too."""
+        if time >= min(self.pause, self.plan.t_end) - INSTANT:
             return None
+        if self.paused is not None and abs(time - self.paused[0]) < INSTANT:
+            segment = self.paused[1]
+            self.models.append(self.models[-1])
+            self.modes.append(self.modes[-1])
+            self.limits.append(self.limits[-1])
+        else:
+            segment = self._chosen(time, x)
+        self.paused = None
+        if segment.until > self.pause + INSTANT:
+            self.paused = self.pause, segment
+            return replace(segment, until=self.pause)
+        return segment
+
+    def _chosen(self, time: float, x: NDArray[np.float64]) -> Segment:
+        """The segment of the model that is chosen at `time` in the state `x`."""
         stage, model, end = self._stage(time, x)
         choice = self._choose(time, model, x)
         mode, reason = choice.mode, choice.reason
@@ -381,6 +418,74 @@ class AdaptivePlan:
             return
         jump = self.small.watches(model, mode).jump(x)
         self.switches.append(Switch(time, before, mode, reason, jump))
+
+
+class AdaptiveSimulation:
+    """A run with the adaptive algorithm that may pause.
+
+    Parameters
+    ----------
+    model, family, rule, events, t_end, stepper, criterion, store
+        As in :func:`simulate_adaptive`.
+    """
+
+    def __init__(
+        self,
+        model: DetailedModel,
+        family: ModelFamily | SmallModels,
+        rule: SwitchingRule,
+        events: Sequence[Event] = (),
+        t_end: float = 16.0,
+        stepper: Stepper | None = None,
+        criterion: SynchronismCriterion | None = DEFAULT_CRITERION,
+        store: ModelStore | None = None,
+    ) -> None:
+        method = fit_stepper(model, stepper)
+        self.t_end, self.criterion, self._stepper = t_end, criterion, method.stepper
+        self._small = family if isinstance(family, SmallModels) else SmallModels(family)
+        check_states(model, t_end, self._stepper.step)
+        self._ready = ready_adaptive(
+            model, self._small, rule, events, t_end, method, criterion, store
+        )
+        self._run, self._time, self._x = Run((), Status.COMPLETED), 0.0, self._ready.x0
+        self._seconds = self._reduction_seconds = 0.0
+
+    @property
+    def status(self) -> Status:
+        """How the run has gone so far."""
+        return self._run.status
+
+    @property
+    def pieces(self) -> Iterator[tuple[Piece, Mode, DetailedModel]]:
+        """The run so far: pieces, which model was in use, and that of the whole network."""
+        plan = self._ready.plan
+        return zip(self._run.pieces, plan.modes, plan.models, strict=False)
+
+    def after_events(self, part: float) -> float:
+        """When a part of the time from the last event to the end has gone by, in s."""
+        last, step = self._ready.plan.plan.stages[-1].start, self._stepper.step
+        return last + step * max(1, round(part * (self.t_end - last) / step))
+
+    @one_blas_thread
+    def advance(self, until: float = np.inf) -> Status:
+        """Go on to the time `until` (s), or to the end; nothing follows a run that ended early."""
+        if self.status is not Status.COMPLETED:
+            return self.status
+        spent, began = self._small.seconds, clock.perf_counter()
+        self._ready.plan.pause = until
+        more = run_plan(self._ready.plan, self._x, self._stepper, self._time)
+        self._run = replace(more, pieces=(*self._run.pieces, *more.pieces))
+        if more.pieces:
+            last = more.pieces[-1]
+            self._time, self._x = float(last.times[-1]), last.segment.lift(last.states[-1])
+        reduction = self._small.seconds - spent
+        self._reduction_seconds += reduction
+        self._seconds += clock.perf_counter() - began - reduction
+        return self.status
+
+    def result(self) -> AdaptiveRun:
+        """The run, once it has come to its end."""
+        return self._ready.finished(self._run, self._seconds, self._reduction_seconds)
 
 
 @one_blas_thread

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,9 +15,12 @@ from gridfold.dynamics.unit_limits import touched_held
 from gridfold.errors import OptionError
 from gridfold.numerics.modal_form import ModalForm, modal_form
 from gridfold.partition.port_area import PortArea
-from gridfold.reduction import BalancedTruncation, Reducer
+from gridfold.reduction import BalancedTruncation, Reducer, Reduction
+from gridfold.reduction.balanced import BalancedSystem
 from gridfold.reduction.order import OrderRule
 from gridfold.reduction.slow_modes import slow_modes
+from gridfold.systems.descriptor import DescriptorSystem
+from gridfold.systems.linear import LinearSystem
 from gridfold.systems.statemap import StateMap
 
 #: Bound (6) to which the external area is reduced if nothing else is asked for: change of the voltages
@@ -75,38 +79,75 @@ def find_bases(
     The common turn of all angles stays exact, but for reducers that are not balanced. Without input
     weights, (0, 0), all states count alike.
     """
-    reference = area.x0
-    if input_weights.size:
-        system = area.driven.with_input_weights(input_weights)
-    else:
-        system = area.driven.with_outputs(np.eye(area.system.n))
+    reference, system = area.x0, _weighed(area, input_weights)
     if not isinstance(reducer, BalancedTruncation):
         found = reducer.reduce(system.dense(), reference)
-        maps, values = found.state_map, found.hankel_values
-        return _checked(
-            Bases(
-                maps.lift_matrix,
-                maps.restrict_matrix,
-                weights,
-                input_weights,
-                0.0,
-                values,
-                found.bound,
-            ),
-            area,
+        maps, values, bound = found.state_map, found.hankel_values, found.bound
+    else:
+        small = system.n <= DENSE_UP_TO
+        found = reducer.reduce(
+            system.dense() if small else system, reference, _exact(reducer, area, model, x)
         )
-    small = system.n <= DENSE_UP_TO
-    found = reducer.reduce(
-        system.dense() if small else system, reference, _exact(reducer, area, model, x)
-    )
-    maps, values = found.state_map, found.hankel_values
-    assert values is not None
-    rule = OrderRule(reducer.tolerance, reducer.order)
-    bound = 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
+        maps, values = found.state_map, found.hankel_values
+        bound = _left_out(OrderRule(reducer.tolerance, reducer.order), found, system)
     return _checked(
         Bases(maps.lift_matrix, maps.restrict_matrix, weights, input_weights, 0.0, values, bound),
         area,
     )
+
+
+def coarser_bases(
+    bases: Bases,
+    area: PortArea,
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    reducers: Iterable[BalancedTruncation],
+) -> Iterator[Bases]:
+    """Coarser bases from balanced ones of the same area: only what is projected on them is balanced.
+
+    What the bases themselves miss counts in the bound of each of `reducers`.
+
+    Raises
+    ------
+    OptionError
+        They miss as much as a bound allows.
+    """
+    lift, restrict, missing = bases.lift, bases.restrict, bases.bound or 0.0
+    full = _weighed(area, bases.input_weights)
+    small = LinearSystem(restrict @ full.apply(lift), restrict @ full.b, full.c @ lift)
+    balanced, reference = BalancedSystem.of(small), np.zeros(bases.order)
+    for reducer in reducers:
+        rule = OrderRule(reducer.tolerance, reducer.order)
+        if rule.tolerance is not None:
+            if not missing < rule.tolerance:
+                raise OptionError(
+                    f"bases with a bound of {missing:.1e} give none of {rule.tolerance:.1e}"
+                )
+            rule = replace(rule, tolerance=rule.tolerance - missing)
+        exact = restrict @ _exact(reducer, area, model, x)
+        found = balanced.truncated(rule, reference, exact)
+        coarse = replace(
+            bases,
+            lift=lift @ found.state_map.lift_matrix,
+            restrict=found.state_map.restrict_matrix @ restrict,
+            hankel_values=found.hankel_values,
+            bound=_left_out(rule, found, small) + missing,
+        )
+        yield _checked(coarse, area)
+
+
+def _weighed(area: PortArea, input_weights: NDArray[np.float64]) -> DescriptorSystem:
+    """The area with what is balanced as its inputs and outputs."""
+    if input_weights.size:
+        return area.driven.with_input_weights(input_weights)
+    return area.driven.with_outputs(np.eye(area.system.n))
+
+
+def _left_out(rule: OrderRule, found: Reduction, system: LinearSystem | DescriptorSystem) -> float:
+    """The bound (6) of a truncation without the states that stay exact besides."""
+    values = found.hankel_values
+    assert values is not None
+    return 2 * float(values[rule.choose(values, system, found.kept_exactly) :].sum())
 
 
 def _checked(bases: Bases, area: PortArea) -> Bases:

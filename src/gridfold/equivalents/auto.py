@@ -1,7 +1,8 @@
 """Which model is cheapest for the work at hand: the detailed one unless a reduced one pays.
 
 A reduced model has to earn what it takes to make it: the reduction itself, and two detailed runs for
-every new topology. What cannot pay is not begun.
+every new topology. What cannot pay is not begun. Within a tolerance it has to earn its estimates and
+the attempts that miss it as well; runs that lead to another topology are detailed then.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.ladder import Ladder, step_seconds
 from gridfold.equivalents.model_kind import ModelKind
+from gridfold.equivalents.tolerant import TolerantModel
 from gridfold.errors import OptionError
 from gridfold.numerics.steppers import Stepper
 from gridfold.partition import Partition
@@ -28,6 +30,8 @@ OFFLINE_PART = 0.1
 SECONDS_PER_STATE = (3e-3, 1.5e-2)
 #: How often the detailed step is timed; the fastest counts.
 _TRIES = 3
+#: How much longer reductions take with those for estimates of errors.
+WITH_ESTIMATES = 2.0
 #: Detailed runs that a new topology costs.
 RUNS_PER_TOPOLOGY = 2.0
 
@@ -43,11 +47,15 @@ class Work:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The model that was chosen, why, and its family if it is a reduced one."""
+    """The model that was chosen, why, and its family if it is a reduced one.
+
+    `tolerant` is what keeps the tolerance, if there is one.
+    """
 
     kind: ModelKind
     reason: str
     family: Family | None = None
+    tolerant: TolerantModel | None = None
 
 
 def choose_model(
@@ -75,10 +83,18 @@ def choose_model(
     detailed = ModelKind.DETAILED
     if parts is None:
         return Chosen(detailed, "no study area is given")
+    tolerance = settings.tolerance_deg
+    if tolerance == 0:
+        return Chosen(detailed, "with a tolerance of 0 degrees all runs are detailed")
+    if tolerance is not None and work.topologies >= work.runs:
+        why = "all runs lead to another topology, and are detailed within a tolerance"
+        return Chosen(detailed, why)
     step = min(step_seconds(model, model.x0, stepper) for _ in range(_TRIES))
     total = work.runs * work.steps * step
     states = len(parts.states_of(parts.external_units))
     expected = SECONDS_PER_STATE[states > DENSE_UP_TO] * states
+    if tolerance is not None:
+        expected *= WITH_ESTIMATES
     runs = (
         f"{work.runs} detailed {'run takes' if work.runs == 1 else 'runs take'} about {total:.2g} s"
     )
@@ -90,16 +106,35 @@ def choose_model(
         family = replace(settings, kind=ModelKind.ADAPTIVE).build(parts, stepper)
     except OptionError as error:
         return Chosen(detailed, f"the external area cannot be reduced: {error}")
-    spent = clock.perf_counter() - began
     assert isinstance(family, Ladder)
-    share = _share(family)
-    reduced = total * share + RUNS_PER_TOPOLOGY * work.topologies * work.steps * step
-    why = (
-        f"the ladder is predicted to take {reduced:.2g} s, {share:.2f} of the detailed model a step"
-    )
+    tolerant = None if tolerance is None else TolerantModel(family, tolerance)
+    spent = clock.perf_counter() - began
+    if tolerant is not None and not tolerant.rules:
+        why = f"no cheaper model keeps {tolerance:g} degrees after faults at boundary buses"
+        return Chosen(detailed, f"{runs}; {why}")
+    reduced, why = _predicted(family, tolerant, work, step)
     if spent + reduced > FACTOR * total:
         return Chosen(detailed, f"{runs}; {why}")
-    return Chosen(ModelKind.ADAPTIVE, f"{runs}; {why}", family)
+    return Chosen(ModelKind.ADAPTIVE, f"{runs}; {why}", family, tolerant)
+
+
+def _predicted(
+    family: Ladder, tolerant: TolerantModel | None, work: Work, step: float
+) -> tuple[float, str]:
+    """Seconds that the ladder is predicted to take where a detailed step takes `step`, in words too."""
+    if tolerant is None:
+        share = _share(family)
+        seconds = work.runs * share + RUNS_PER_TOPOLOGY * work.topologies
+        ladder = "the ladder is"
+    else:
+        share = tolerant.share
+        seconds = (work.runs - work.topologies) * share + work.topologies
+        ladder = "the ladder, its estimates and attempts that miss the tolerance are"
+    seconds *= work.steps * step
+    return (
+        seconds,
+        f"{ladder} predicted to take {seconds:.2g} s, {share:.2f} of the detailed model a step",
+    )
 
 
 def _share(family: Ladder) -> float:

@@ -17,9 +17,11 @@ from gridfold.equivalents.families import (
     reduce_external,
     whole_system,
 )
+from gridfold.equivalents.fit import Fit
+from gridfold.equivalents.fitted import fit_ladder
 from gridfold.equivalents.folded import FoldedArea, fold
 from gridfold.equivalents.ladder import Ladder
-from gridfold.equivalents.limit_scan import limited_units
+from gridfold.equivalents.limit_scan import limited_among
 from gridfold.equivalents.limit_weight import light_limits
 from gridfold.equivalents.model_kind import (
     ANGLES_DEG,
@@ -60,6 +62,13 @@ class ReductionSettings:
     order: int | None = None
     slow_modes: float | None = None
     weights: Weights | None = None
+
+    @property
+    def follows(self) -> bool:
+        """Whether the order is open, so that it may follow from a tolerance of rotor angles."""
+        balanced = self.reducer in (None, ReducerKind.BALANCED)
+        bounds = self.tolerance is None and self.order is None
+        return balanced and bounds and self.weights is not Weights.STATES
 
     def build(self, ported: bool) -> Reducer:
         """The reducer of a folded area, or of the paper's models."""
@@ -189,13 +198,18 @@ class ModelSettings:
     def _whole_deg(self) -> float:
         return WHOLE_DEG if self.whole_deg is None else self.whole_deg
 
-    def build(self, parts: Partition, stepper: Stepper | None = None) -> Family:
+    def build(
+        self, parts: Partition, stepper: Stepper | None = None, known: Fit | None = None
+    ) -> Family:
         """The models between which the rule switches, for runs with `stepper`.
 
-        Machines whose limits act along the sample swings are retained besides.
+        Machines whose limits act along the sample swings are retained besides. With a tolerance, what
+        is not given follows from it, or from what was `known` of it before.
         """
         if not self.ported:
             return self._printed(parts)
+        if self.tolerance_deg:
+            return self._fitted(parts, self.tolerance_deg, stepper, known)
         reducer = self.reduction.build(ported=True)
         weights = self.reduction.weights or Weights.INTERFACE
         swings = sample_swings(parts, stepper=stepper)
@@ -203,6 +217,21 @@ class ModelSettings:
         ladder = self.of_areas(lambda units: fold(parts, units, reducer, weights, swings), retained)
         ladder = replace(ladder, light_limits=light_limits(ladder, swings, stepper))
         return ladder.measured(stepper) if self.kind in ANGLES_DEG else ladder
+
+    def _fitted(
+        self, parts: Partition, tolerance_deg: float, stepper: Stepper | None, known: Fit | None
+    ) -> Ladder:
+        """The ladder that is made for the tolerance, with the options that are given."""
+        reduction, swings = self.reduction, sample_swings(parts, stepper=stepper)
+        given = None if self.retain == RetainSettings() else self.retained(parts, swings)
+        return fit_ladder(
+            parts, tolerance_deg, stepper,
+            reducer=None if reduction.follows else reduction.build(ported=True),
+            retained=given,
+            slow_modes=reduction.slow_modes,
+            weights=reduction.weights or Weights.INTERFACE,
+            swings=swings, known=known,
+        )  # fmt: skip
 
     def retained(self, parts: Partition, swings: Swings) -> tuple[UnitKey, ...]:
         """External machines that stay exact: those chosen, and those whose limits act.
@@ -212,13 +241,7 @@ class ModelSettings:
         OptionError
             None is left to be linear.
         """
-        limited = {item.unit for item in limited_units(parts, swings)}
-        found = limited | set(self.retain.choose(parts, swings))
-        if limited and len(found) == len(parts.external_units):
-            raise OptionError(
-                f"all external machines are retained, {len(limited)} of them because their limits act "
-                "in sample swings: none is left to be linear"
-            )
+        found = limited_among(parts, swings, self.retain.choose(parts, swings))
         return tuple(unit for unit in parts.external_units if unit in found)
 
     def of_areas(
@@ -253,7 +276,7 @@ class ModelSettings:
         if self.kind is ModelKind.LINEAR and () not in found:
             raise OptionError("the file has no area in which all external machines are linear")
         ladder = self.of_areas(found.__getitem__, retained)
-        ladder = replace(ladder, light_limits=family.light_limits)
+        ladder = replace(ladder, light_limits=family.light_limits, fit=family.fit)
         rungs = {Mode.DETAILED, *ladder.rungs}
         if self.kind in ANGLES_DEG and rungs <= family.step_seconds.keys():
             known = {mode: spent for mode, spent in family.step_seconds.items() if mode in rungs}
@@ -327,6 +350,7 @@ def _ladder_record(family: Ladder) -> dict[str, Any]:
             }
             for rung in dict.fromkeys(family.rungs)
         ],
+        "fit": None if family.fit is None else family.fit.record(),
     }
 
 

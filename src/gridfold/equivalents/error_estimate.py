@@ -8,37 +8,43 @@ everything linear.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.cards import Card
 from gridfold.dynamics.model import DetailedModel
-from gridfold.equivalents.adaptive import AdaptiveRun
+from gridfold.equivalents.adaptive import AdaptiveRun, AdaptiveSimulation
+from gridfold.equivalents.error_frames import ErrorFrame, error_frame
 from gridfold.equivalents.families import Mode, SmallModel
-from gridfold.equivalents.folded import fold
+from gridfold.equivalents.folded import FoldedArea, WholeCoordinates, fold
 from gridfold.equivalents.small_models import INTACT, SmallModels, topology
 from gridfold.equivalents.swings import Swings
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.blas import one_blas_thread
-from gridfold.numerics.defect import carry_error
-from gridfold.numerics.modal_form import ModalForm
+from gridfold.numerics.defect import Carried, carry_error
+from gridfold.numerics.error_modes import Modes, Way
 from gridfold.partition import Partition
 from gridfold.reduction import BalancedTruncation
 from gridfold.runs.synchronism import AngleFrame, angle_frame
-from gridfold.simulation.segment import Piece
+from gridfold.runs.trajectory import Trajectory
+from gridfold.simulation.run import Run
+from gridfold.simulation.segment import Piece, Segment
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.status import Status
 
 #: Bound of the area in which errors travel, in p.u. of port voltage.
-FINE_TOLERANCE = 1e-5
-#: Time between the instants at which the detailed equations are looked at, in s; twice as long where
-#: everything is linear, since swings are small there.
-EVERY = 0.05
+FINE_TOLERANCE = 1e-4
+#: Time between the first instants at which the detailed equations are looked at, and the longest, in s.
+STEPS = (0.05, 0.4)
+#: Errors of angles, in rad, that need not be exact.
+LEAST = np.deg2rad(0.01)
 #: Part of the mode that moves an angle most from which on a mode counts.
-CARRYING = 0.01
+CARRYING = 0.001
+#: Small models and networks of which what errors need is kept.
+_KEPT = 16
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,13 +60,20 @@ class ErrorEstimate(Card):
     angles_deg : ndarray, shape (n_times, n_units)
         The detailed run less the run, in degrees; NaN where a machine is out.
     largest_deg : float
-        Largest angle of a machine against the centre in the run itself, in degrees.
+        Angle against the centre that a machine of the whole grid may have come to: its largest one in
+        the run and its largest error, in degrees.
+    fastest_pu : float
+        The same of its distance from synchronous speed, in p.u.
+    parts : tuple of ErrorPart
+        The errors in each piece of the run, as they travel.
     """
 
     units: tuple[UnitKey, ...]
     times: NDArray[np.float64] = field(repr=False)
     angles_deg: NDArray[np.float64] = field(repr=False)
     largest_deg: float
+    fastest_pu: float
+    parts: tuple[ErrorPart, ...] = field(default=(), repr=False)
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -80,6 +93,10 @@ class ErrorEstimate(Card):
         """That of the machine with the largest, as ``relative_rms_deg`` of a comparison measures it."""
         return float(self.rms_deg.max(initial=0.0))
 
+    def worst_over(self, span: float) -> float:
+        """The same over a longer span, in s, should there be no error in the rest of it."""
+        return self.worst_deg * float(np.sqrt((self.times[-1] - self.times[0]) / span))
+
     @property
     def worst_unit(self) -> UnitKey:
         """The machine with the largest."""
@@ -97,18 +114,25 @@ class ErrorEstimator:
         From :func:`gridfold.sample_swings`, those after boundary faults by default.
     most : int, optional
         Other topologies of which the modes are kept, the last used; all of them by default.
+    area : FoldedArea, optional
+        The area in which errors travel, if it is there.
     """
 
     def __init__(
-        self, parts: Partition, swings: Swings | None = None, most: int | None = None
+        self,
+        parts: Partition,
+        swings: Swings | None = None,
+        most: int | None = None,
+        area: FoldedArea | None = None,
     ) -> None:
         self.units = parts.study_units
-        self._study = frozenset(self.units)
-        self._model = parts.model
-        area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
+        if area is None:
+            area = fold(parts, reducer=BalancedTruncation(FINE_TOLERANCE), swings=swings)
         self._modes = SmallModels(area, most)
         self._intact = _modes_of(self._modes.get(parts.model, Mode.WHOLE))
         self._focused = self._intact
+        self._ways: dict[tuple[int, int], tuple[Segment, Modes, Way]] = {}
+        self._frames: dict[tuple[int, int], tuple[AngleFrame, Modes, ErrorFrame]] = {}
 
     @one_blas_thread
     def focus(self, runs: Iterable[AdaptiveRun]) -> None:
@@ -118,136 +142,169 @@ class ErrorEstimator:
         """
         if self._intact is None:
             return
-        self._focused, weights = self._intact, np.zeros(len(self._intact.slopes))
+        self._focused, weights = self._intact, np.zeros(len(self._intact.form.partner))
         for run in runs:
             if run.trajectory.status is not Status.COMPLETED:
                 continue
-            for part in self._along(run):
+            for part in self.trail(run).parts:
                 if part.modes is self._intact:
-                    moved = np.abs(part.carried).max(axis=0) * np.abs(part.rows).max(axis=0)
+                    moved = np.abs(part.carried.errors).max(axis=0)
+                    moved *= np.abs(np.nan_to_num(part.frame.angles)).max(axis=0)
                     weights = np.fmax(weights, np.fmax(moved, moved[self._intact.form.partner]))
         if weights.any():
             self._focused = self._intact.only(weights >= CARRYING * weights.max())
 
-    @one_blas_thread
     def estimate(self, run: AdaptiveRun) -> ErrorEstimate | None:
         """Errors along a run that reached its end.
 
         None where the network has no modes in which errors could travel.
         """
-        if self._intact is None:
-            return None
-        parts = list(self._along(run))
-        return ErrorEstimate(
-            self.units,
-            np.concatenate([part.times for part in parts]),
-            np.concatenate([np.rad2deg(part.carried @ part.rows.T) for part in parts]),
-            max(part.largest_deg for part in parts),
-        )
+        return None if self._intact is None else self.trail(run).estimate()
 
-    def _along(self, run: AdaptiveRun) -> Iterator[_Part]:
-        """The error in each piece of a run, carried from one to the next."""
-        pieces, models = run.trajectory.run.pieces, run.trajectory.models
-        modes, error, last = self._focused, np.zeros(self._model.n_states), None
-        for piece, mode, model in zip(pieces, run.modes, models, strict=False):
-            if not model.state.faulted:
-                modes = self._modes_for(model) or modes
-            assert modes is not None
-            index, frame = _samples(piece, mode), angle_frame(model)
-            if mode is Mode.DETAILED and not error.any():
-                index = index[[0, -1]]
-            states = piece.segment.lift(piece.states[index])
-            if last is not None:
-                error = error + last - states[0]
-            carried = _carried(piece, mode, model, modes, index, states, modes.restrict @ error)
-            error, last = carried[-1] @ modes.slopes, states[-1]
-            apart = np.abs(states[:, frame.slots] - frame.references(states))
-            inside = [unit in self._study for unit in frame.units]
-            largest = float(np.rad2deg(apart[:, inside].max(initial=0.0)))
-            yield _Part(modes, piece.times[index], carried, self._rows(frame, modes), largest)
+    def trail(self, run: AdaptiveRun | AdaptiveSimulation) -> ErrorTrail:
+        """The error along a run, or along what there is of it."""
+        trail = ErrorTrail(self)
+        trail.follow(run)
+        return trail
 
-    def _modes_for(self, model: DetailedModel) -> _Modes | None:
+    @property
+    def possible(self) -> bool:
+        """Whether the network has modes in which errors could travel."""
+        return self._intact is not None
+
+    def modes_for(self, model: DetailedModel) -> Modes | None:
+        """Modes of the errors in the network of a model without a fault."""
         if topology(model.state, model.case) == INTACT:
             return self._focused
         return _modes_of(self._modes.get(model, Mode.WHOLE))
 
-    def _rows(self, frame: AngleFrame, modes: _Modes) -> NDArray[np.float64]:
-        """Angles of the study machines against their islands' centres in the modes, (n_units, r)."""
-        turned = modes.slopes[:, frame.slots].T
-        for island, fixed in enumerate(frame.fixed):
-            members = frame.island == island
-            if np.isnan(fixed):
-                weights = frame.inertia[members] / frame.inertia[members].sum()
-                turned[members] -= weights @ turned[members]
-        place = {unit: k for k, unit in enumerate(frame.units)}
-        missing = np.full(turned.shape[1], np.nan)
-        return np.array([turned[place[u]] if u in place else missing for u in self.units])
+    @property
+    def first_modes(self) -> Modes:
+        """Those of the intact network."""
+        assert self._focused is not None
+        return self._focused
+
+    def frame(self, model: DetailedModel, modes: Modes) -> ErrorFrame:
+        """What is looked at of the errors in a network; known for those last used."""
+        frame = angle_frame(model)
+        key = id(frame), id(modes)
+        if key not in self._frames:
+            if len(self._frames) >= _KEPT:
+                self._frames.clear()
+            self._frames[key] = frame, modes, error_frame(frame, modes, self.units)
+        return self._frames[key][-1]
+
+    def way(self, segment: Segment, modes: Modes) -> Way:
+        """How the states of a segment meet the modes; known for those last used."""
+        key = id(segment.coordinates), id(modes)
+        if segment.coordinates is None:
+            return Way.itself(modes)
+        if key not in self._ways:
+            if len(self._ways) >= _KEPT:
+                self._ways.clear()
+            size = segment.system.compiled.n_states
+            origin = segment.lift(np.zeros(size))
+            way = Way.between(modes, origin, segment.lift(np.eye(size)) - origin)
+            self._ways[key] = segment, modes, way
+        return self._ways[key][-1]
 
 
 @dataclass(frozen=True)
-class _Modes:
-    """Modes of a whole system that is linear, and the way from and to its states."""
+class ErrorPart:
+    """The error in one piece of a run: modes, what is looked at, the error at some rows.
 
-    form: ModalForm
-    slopes: NDArray[np.float64]
-    restrict: NDArray[np.float64]
-
-    def only(self, kept: NDArray[np.bool_]) -> _Modes:
-        """Some of the modes (n_modes,), pairs as a whole."""
-        form, place, same = self.form, np.cumsum(kept) - 1, np.eye(int(kept.sum()))
-        partner = place[form.partner[kept]]
-        part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner)
-        return _Modes(part, self.slopes[kept], self.restrict[kept])
-
-
-@dataclass(frozen=True)
-class _Part:
-    """The error in one piece of a run.
-
-    `carried` (n_times, n_modes) are its modes at `times`, `rows` (n_units, n_modes) the angles of the
-    study machines in them; `largest_deg` is the largest angle of these in the run itself.
+    `largest` and `fastest` are the angle (rad) and the speed (p.u.) that a machine may have come to.
     """
 
-    modes: _Modes
-    times: NDArray[np.float64]
-    carried: NDArray[np.float64]
-    rows: NDArray[np.float64]
-    largest_deg: float
+    piece: Piece
+    mode: Mode
+    model: DetailedModel
+    modes: Modes
+    frame: ErrorFrame
+    carried: Carried
+    largest: float
+    fastest: float
 
 
-def _modes_of(small: SmallModel | None) -> _Modes | None:
+class ErrorTrail:
+    """The error along a run, carried from piece to piece as the run goes on."""
+
+    def __init__(self, estimator: ErrorEstimator) -> None:
+        self._estimator = estimator
+        self._modes, self._last = estimator.first_modes, np.zeros(0)
+        self._error = np.zeros(self._modes.slopes.shape[1])
+        self.parts: list[ErrorPart] = []
+
+    @one_blas_thread
+    def follow(self, run: AdaptiveRun | AdaptiveSimulation) -> None:
+        """Take up the pieces of the run that have come since."""
+        for piece, mode, model in list(run.pieces)[len(self.parts) :]:
+            self.parts.append(self._part(piece, mode, model))
+
+    def estimate(self) -> ErrorEstimate:
+        """What they come to."""
+        parts = self.parts
+        return ErrorEstimate(
+            self._estimator.units,
+            np.concatenate([part.piece.times[part.carried.rows] for part in parts]),
+            np.concatenate(
+                [np.rad2deg(part.carried.errors @ part.frame.angles.T) for part in parts]
+            ),
+            float(np.rad2deg(max(part.largest for part in parts))),
+            max(part.fastest for part in parts),
+            tuple(parts),
+        )
+
+    @one_blas_thread
+    def corrected(self, run: Trajectory) -> Trajectory:
+        """The run that was followed plus its error: an estimate of the detailed run."""
+        pieces = []
+        for part in self.parts:
+            piece, carried = part.piece, part.carried
+            states = piece.full_states
+            if carried.errors.any():
+                errors = carried.between(part.modes.form, piece.times)
+                states = states + part.modes.lift(errors)
+            segment = Segment(part.model, piece.segment.until, piece.segment.label)
+            pieces.append(Piece(segment, piece.times, states, piece.seconds))
+        return replace(run, run=Run(tuple(pieces), run.run.status, run.run.culprit))
+
+    def _part(self, piece: Piece, mode: Mode, model: DetailedModel) -> ErrorPart:
+        if not model.state.faulted:
+            self._modes = self._estimator.modes_for(model) or self._modes
+        modes, segment = self._modes, piece.segment
+        frame, ends = self._estimator.frame(model, modes), segment.lift(piece.states[[0, -1]])
+        if self.parts:
+            self._error = self._error + self._last - ends[0]
+        carried = self._carried(piece, mode, model, frame)
+        self._error, self._last = modes.lift(carried.errors[-1]), ends[-1]
+        reach = frame.reach(segment, piece.states[carried.rows], carried.errors)
+        return ErrorPart(piece, mode, model, modes, frame, carried, *reach)
+
+    def _carried(
+        self, piece: Piece, mode: Mode, model: DetailedModel, frame: ErrorFrame
+    ) -> Carried:
+        modes, start = self._modes, self._modes.project(self._error)
+        if mode is Mode.DETAILED and not start.any():
+            nothing = np.zeros((2, len(start)))
+            return Carried(np.array([0, len(piece.times) - 1]), nothing, nothing)
+        segment = piece.segment
+        return carry_error(
+            model.compiled, modes, np.nan_to_num(frame.angles), self._estimator.way(segment, modes),
+            segment.system.compiled, piece.times, piece.states, start, STEPS, LEAST,
+        )  # fmt: skip
+
+
+def _modes_of(small: SmallModel | None) -> Modes | None:
     if small is None or not isinstance(small.system, ModalSystem):
         return None
-    return _Modes(small.system.form, small.affine[1], small.restriction)
-
-
-def _samples(piece: Piece, mode: Mode) -> NDArray[np.int64]:
-    """Rows of a piece, about EVERY apart, both ends included."""
-    last = len(piece.times) - 1
-    spacing = (piece.times[-1] - piece.times[0]) / last
-    every = 2 * EVERY if mode is Mode.WHOLE else EVERY
-    return np.append(np.arange(0, last, max(1, round(every / spacing))), last)
-
-
-def _carried(
-    piece: Piece,
-    mode: Mode,
-    model: DetailedModel,
-    modes: _Modes,
-    index: NDArray[np.int64],
-    states: NDArray[np.float64],
-    start: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """The error in modal coordinates at the rows `index` of a piece, whose lifted states are given."""
-    if not start.any() and mode is Mode.DETAILED:
-        return np.zeros((len(index), len(start)))
-    if mode is Mode.DETAILED:
-        rates = model.compiled.along(states)
-    else:
-        segment = piece.segment
-        own = segment.system.compiled.along(piece.states[index])
-        rates = segment.lift(own) - segment.lift(np.zeros(own.shape[1]))
-    return carry_error(
-        model.compiled, modes.form, modes.slopes, modes.restrict, piece.times[index], states,
-        rates, start,
+    assert isinstance(small.coordinates, WholeCoordinates)
+    places, states = small.coordinates.places, small.coordinates.states
+    area, n = places.states, len(places.exact_index) + len(places.area_index)
+    slopes, restrict = np.zeros((2, area.order, n))
+    slopes[:, places.area_index] = area.lift_matrix.T
+    restrict[:, places.area_index] = area.restrict_matrix
+    return Modes(
+        small.system.form, states.lift_matrix, states.restrict_matrix, places.exact_index, slopes,
+        restrict,
     )  # fmt: skip

@@ -8,7 +8,7 @@ same bases.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,7 +27,14 @@ from gridfold.dynamics.port_model import (
 from gridfold.dynamics.port_rhs import LinearPorts
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
-from gridfold.equivalents.area_bases import PORT_TOLERANCE, Bases, find_bases, in_modes, missed
+from gridfold.equivalents.area_bases import (
+    PORT_TOLERANCE,
+    Bases,
+    coarser_bases,
+    find_bases,
+    in_modes,
+    missed,
+)
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
 from gridfold.equivalents.swings import Swings, port_swings, sample_swings
@@ -195,6 +202,30 @@ class FoldedArea(Card):
             known = replace(self, bases=bases, made=f"reduced anew: {told}")
             applied = area.system.apply(bases.lift)
         return _projected(known, area, model, point, applied)
+
+    def area_of(self, mode: Mode) -> FoldedArea:
+        """The area itself, as a ladder tells it of a rung."""
+        return self
+
+    def truncated(self, bounds: Iterable[float]) -> Iterator[FoldedArea]:
+        """The area of the intact network with coarser bounds (p.u.), from its own balanced bases.
+
+        Raises
+        ------
+        OptionError
+            Its bases are not balanced, or are not finer than a bound.
+        """
+        if not isinstance(self.reducer, BalancedTruncation):
+            raise OptionError(
+                "an area that was not reduced by balanced truncation has no coarser ones"
+            )
+        usual = replace(self.reducer, order=None)
+        reducers = [replace(usual, tolerance=bound) for bound in bounds]
+        model, point = self.parts.model, Equilibrium(self.origin, self.rate)
+        found = coarser_bases(self.bases, self.area, model, self.origin, reducers)
+        for reducer, bases in zip(reducers, found, strict=True):
+            coarse = replace(self, reducer=reducer, bases=bases)
+            yield _projected(coarse, self.area, model, point)
 
     def _places(self, model: DetailedModel) -> PortCoordinates:
         return port_coordinates(model, self.ports.units, self.area.state_index, self.states)

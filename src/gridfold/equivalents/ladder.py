@@ -19,6 +19,7 @@ from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.families import Mode, SmallModel
+from gridfold.equivalents.fit import Fit
 from gridfold.equivalents.folded import FoldedArea
 from gridfold.grid.case import UnitKey
 from gridfold.numerics.steppers import Stepper
@@ -52,6 +53,10 @@ class Ladder(Card):
         makes in sample swings; :func:`gridfold.equivalents.limit_weight.light_limits`.
     place : Place, optional
         Another operating point; each area moves there when a rung first needs it.
+    fit : Fit, optional
+        How it was chosen for a tolerance; :func:`gridfold.fit_ladder`.
+    fine : FoldedArea, optional
+        An area that is finer than those of the rungs, in which errors travel, if it is there.
     """
 
     areas: tuple[FoldedArea, ...]
@@ -59,6 +64,8 @@ class Ladder(Card):
     step_seconds: Mapping[Mode, float] = field(default_factory=dict)
     light_limits: Mapping[Mode, float] = field(default_factory=dict)
     place: Place | None = None
+    fit: Fit | None = None
+    fine: FoldedArea | None = field(default=None, repr=False)
 
     def _facts(self) -> dict[str, object]:
         last = self.areas[-1]
@@ -114,15 +121,15 @@ class Ladder(Card):
 
     def how(self, mode: Mode) -> str:
         """How the area of a rung came about."""
-        return self._area(mode).how(mode)
+        return self.area_of(mode).how(mode)
 
     def held_at_limits(self, mode: Mode) -> tuple[str, ...]:
         """Limits of the units that are linear in `mode` that act at the operating point."""
-        return self._area(mode).held_at_limits(mode)
+        return self.area_of(mode).held_at_limits(mode)
 
     def build(self, mode: Mode, model: DetailedModel) -> SmallModel:
         """The rung `mode` on the network of `model`."""
-        return self._area(mode).build(mode, model)
+        return self.area_of(mode).build(mode, model)
 
     def moved(self, model: DetailedModel, point: Equilibrium) -> Ladder:
         """About another operating point; what steps cost is known."""
@@ -145,7 +152,7 @@ class Ladder(Card):
                 spent[rung] = min(spent[rung], step_seconds(system, start, rule))
         return replace(self, step_seconds=spent)
 
-    def _area(self, mode: Mode) -> FoldedArea:
+    def area_of(self, mode: Mode) -> FoldedArea:
         """The folded area of a rung; throughout linear is the one with the fewest states."""
         area = next((area for area in self.areas if area.mode is mode), self.areas[-1])
         return area if self.place is None else self.place.moved(area)

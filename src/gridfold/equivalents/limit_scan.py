@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits
 from gridfold.dynamics.unit_limits import limits_passed, limits_touched
 from gridfold.equivalents.swings import Swings
+from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
 from gridfold.partition import Partition
 
@@ -48,3 +50,23 @@ def limited_units(parts: Partition, swings: Swings) -> tuple[LimitedUnit, ...]:
     names = sorted(found - known)
     limits = {unit: tuple(n for n in names if n.endswith(f" {unit}")) for unit in units}
     return tuple(LimitedUnit(unit, own) for unit, own in limits.items() if own)
+
+
+def limited_among(
+    parts: Partition, swings: Swings, chosen: Collection[UnitKey] = ()
+) -> set[UnitKey]:
+    """Machines to retain: `chosen` external ones, and those whose limits act along the swings.
+
+    Raises
+    ------
+    OptionError
+        None is left to be linear, because limits act.
+    """
+    limited = {item.unit for item in limited_units(parts, swings)}
+    found = limited | set(chosen)
+    if limited and len(found) == len(parts.external_units):
+        raise OptionError(
+            f"all external machines are retained, {len(limited)} of them because their limits act "
+            "in sample swings: none is left to be linear"
+        )
+    return found

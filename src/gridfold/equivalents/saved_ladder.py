@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.area_bases import Bases
 from gridfold.equivalents.families import Mode
+from gridfold.equivalents.fit import Fit
 from gridfold.equivalents.folded import FoldedArea, on_bases
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import Outputs
@@ -37,6 +38,7 @@ def ladder_header(family: Ladder) -> dict[str, Any]:
         ],
         "step_seconds": {mode.value: value for mode, value in family.step_seconds.items()},
         "light_limits": {mode.value: value for mode, value in family.light_limits.items()},
+        **({} if family.fit is None else {"fit": family.fit.record()}),
     }
 
 
@@ -81,7 +83,8 @@ def build_ladder(
         raise ValueError("there is no area")
     seconds = {Mode(name): float(value) for name, value in header["step_seconds"].items()}
     light = {Mode(name): float(value) for name, value in header["light_limits"].items()}
-    family = Ladder(areas, bool(header["whole"]), seconds, light)
+    fit = Fit.of_record(header["fit"]) if "fit" in header else None
+    family = Ladder(areas, bool(header["whole"]), seconds, light, fit=fit)
     if seconds and set(seconds) != {Mode.DETAILED, *family.rungs}:
         raise ValueError("step_seconds does not name the rungs")
     if not set(light) <= set(family.rungs):

@@ -17,6 +17,7 @@ from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import STUDY_AREAS, ModelKind
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.tolerant import TolerantModel
+from gridfold.grid.criteria import AngleSeparation
 from gridfold.grid.events import BusFault
 from gridfold.io.case_folder import read_case
 from gridfold.numerics.kernel_cache import kept_code
@@ -112,7 +113,9 @@ def _run_reduced(settings: ModelSettings) -> None:
     parts = partition(model, study_buses(model.case, areas=STUDY_AREAS[_CASE]))
     family = settings.build(parts)
     if settings.tolerance_deg is not None and isinstance(family, Ladder):
-        TolerantModel(family, settings.tolerance_deg).run(model, [_FAULT], _T_END)
+        tolerant = TolerantModel(family, settings.tolerance_deg)
+        run = tolerant.run(model, [_FAULT], _T_END, criteria=[AngleSeparation(360.0)])
+        _ = run.error_causes
         return
     small = SmallModels(family)
     for stepper in (RungeKutta4(), AdamsBashforthMoulton4()):

@@ -31,7 +31,7 @@ _HEADER: _Kinds = {
     "outputs": str,
 }
 #: What it may say.
-_OPTIONAL: _Kinds = {"own_devices": dict}
+_OPTIONAL: _Kinds = {"own_devices": dict, "fit": dict}
 #: What the header says besides, by the outputs of the model.
 _FURTHER: dict[str, _Kinds] = {
     "states": {

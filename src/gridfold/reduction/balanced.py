@@ -83,10 +83,35 @@ class BalancedTruncation:
         A DescriptorSystem is compressed first. What no output sees of `include` joins the lift
         matrix without a state of its own.
         """
+        rule = OrderRule(self.tolerance, self.order)
+        return BalancedSystem.of(system).truncated(rule, reference, include)
+
+
+@dataclass(frozen=True, eq=False)
+class BalancedSystem:
+    """A system that is balanced once, to be truncated to several orders.
+
+    Build it with :meth:`of`.
+    """
+
+    system: LinearSystem | DescriptorSystem
+    parts: Parts
+    balance: _Balance
+
+    @classmethod
+    @one_blas_thread
+    def of(cls, system: LinearSystem | DescriptorSystem) -> BalancedSystem:
+        """Balance `system`."""
         parts = Parts.of(system)
-        stable = parts.stable_system
-        balance = _balance(stable)
-        r = OrderRule(self.tolerance, self.order).choose(balance.values, system, parts.kept)
+        return cls(system, parts, _balance(parts.stable_system))
+
+    @one_blas_thread
+    def truncated(
+        self, rule: OrderRule, reference: Matrix, include: Matrix | None = None
+    ) -> Reduction:
+        """Truncate it; `reference` and `include` as in :meth:`BalancedTruncation.reduce`."""
+        parts, balance, stable = self.parts, self.balance, self.parts.stable_system
+        r = rule.choose(balance.values, self.system, parts.kept)
         lift, restrict = balance.projection(slice(0, r))
         if include is not None:
             lift, restrict = balance.extended(lift, restrict, parts.stable.restrict @ include)

@@ -138,6 +138,8 @@ def _evidence(settings: Mapping[str, Any], frame: pd.DataFrame) -> dict[str, str
         facts["Other verdict in detail"] = ", ".join(other)
     if settings.get("tolerance_deg") is not None:
         facts["Tolerance"] = _kept_tolerance(settings["tolerance_deg"], frame)
+    if settings.get("tolerance_told"):
+        facts["Chosen for the tolerance"] = settings["tolerance_told"]
     if settings.get("moved_modes"):
         facts["Modes moved by the reduction"] = "; ".join(settings["moved_modes"])
     if settings.get("model_reason"):
@@ -178,6 +180,8 @@ def _kept_tolerance(tolerance_deg: float, frame: pd.DataFrame) -> str:
     text = f"{tolerance_deg:g} degrees RMS against the centre of inertia"
     if len(estimates):
         text += f"; estimated errors up to {estimates.max():.2g}"
+        if estimates.max() > 0:
+            text += f" ({_causes(frame[frame['error_estimate_deg'] == estimates.max()].iloc[0])})"
     both = frame[["error_estimate_deg", "error_coi_deg"]].dropna()
     if len(both):
         above = int((both["error_coi_deg"] > tolerance_deg).sum())
@@ -187,6 +191,12 @@ def _kept_tolerance(tolerance_deg: float, frame: pd.DataFrame) -> str:
             "the estimate"
         )
     return text
+
+
+def _causes(row: pd.Series) -> str:
+    """Where the error of a run came from."""
+    causes = ("linearization", "truncation", "jump")
+    return ", ".join(f"{name} {row[f'error_{name}_deg']:.2g}" for name in causes)
 
 
 def _compared_with_detailed(frame: pd.DataFrame) -> str | None:

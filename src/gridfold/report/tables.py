@@ -452,6 +452,8 @@ def ladder_facts(family: Ladder, seconds: float, shown: int = 8) -> dict[str, st
         "Swing modes": modes_text(compared_modes(family.areas[-1])),
         "Time": f"{seconds:.2f} s",
     }
+    if family.fit is not None:
+        facts["Chosen for the tolerance"] = family.fit.text
     if unused:
         facts["Not used"] = f"{', '.join(unused)}: no cheaper than the rung above"
     return facts

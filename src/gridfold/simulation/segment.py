@@ -94,6 +94,12 @@ class Segment:
         """States of the whole system from those of the segment's."""
         return z if self.coordinates is None else self.coordinates.lift(z)
 
+    def lift_rows(self, z: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Those of `lift` at the positions `index` (m,) alone: shape (..., m)."""
+        if lifts_rows(self.coordinates):
+            return self.coordinates.lift_rows(z, index)
+        return self.lift(z)[..., index]
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -133,7 +139,6 @@ class Piece:
 
     def states_at(self, index: NDArray[np.int64], rows: slice = slice(None)) -> NDArray[np.float64]:
         """States of the whole system at the positions `index` (m,) alone, shape (n_rows, m)."""
-        coordinates = self.segment.coordinates
-        if lifts_rows(coordinates):
-            return coordinates.lift_rows(self.states[rows], index)
+        if lifts_rows(self.segment.coordinates):
+            return self.segment.lift_rows(self.states[rows], index)
         return self.full_states[rows, index]

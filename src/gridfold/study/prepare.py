@@ -24,6 +24,7 @@ from gridfold.equivalents.auto import Work, choose_model
 from gridfold.equivalents.calibrate import ThresholdKind, calibrate
 from gridfold.equivalents.choice import Family, ModelSettings
 from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
+from gridfold.equivalents.fit import Fit
 from gridfold.equivalents.ladder import Ladder
 from gridfold.equivalents.model_kind import ANGLES_DEG, STUDY_AREAS, ModelKind
 from gridfold.equivalents.moved_modes import compared_modes
@@ -390,7 +391,8 @@ def _chosen(
         return settings, reason, None
     if study.model.calibrate:
         settings = _calibrated(study, settings, parts, stepper, contingencies, workers)
-    family = settings.build(parts, stepper)
+    fitted = (earlier or {}).get("fit")
+    family = settings.build(parts, stepper, Fit.of_record(fitted) if fitted else None)
     if isinstance(family, Ladder) and earlier is not None:
         known = earlier.get("step_seconds", {})
         family = replace(family, step_seconds={Mode(name): s for name, s in known.items()})
@@ -505,6 +507,8 @@ def describe(offline: Offline, prepared: Prepared) -> dict[str, Any]:
         "tie_lines": len(prepared.parts.tie_lines),
         "external_machines": len(prepared.parts.external_units),
     }
+    if prepared.tolerant is not None:
+        record["tolerance_told"] = prepared.tolerant.told
     if isinstance(family, Ladder):
         record["step_seconds"] = {mode.value: s for mode, s in family.step_seconds.items()}
         modes = compared_modes(family.areas[-1])

@@ -14,6 +14,7 @@ from typing import Any
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.adaptive import AdaptiveRun, Switch, simulate_adaptive
 from gridfold.equivalents.compare import compare
+from gridfold.equivalents.error_causes import NO_CAUSES, ErrorCauses
 from gridfold.equivalents.small_models import SmallModels
 from gridfold.equivalents.switching import SwitchingRule
 from gridfold.equivalents.together import simulate_adaptive_batch, why_reduced_single
@@ -283,6 +284,7 @@ class _Solver:
         figures["wall_reduction_s"] = adaptive.reduction_seconds
         figures["wall_run_s"] = time.perf_counter() - began
         figures["error_estimate_deg"] = adaptive.error_estimate_deg
+        figures |= _cause_figures(adaptive.error_causes)
         figures["switches"] = max(0, len(adaptive.switches) - 1)
         return self._looked_at(adaptive.trajectory, figures, adaptive.switches, began)
 
@@ -291,7 +293,7 @@ class _Solver:
         began = time.perf_counter() - _seconds(run)
         figures: dict[str, Any] = time_per_model(run)
         if self.prepared.study.model.tolerance_deg is not None:
-            figures["error_estimate_deg"] = 0.0
+            figures |= {"error_estimate_deg": 0.0, **_cause_figures(NO_CAUSES)}
         return self._looked_at(run, figures, (), began)
 
     def _looked_at(
@@ -333,7 +335,7 @@ class _Solver:
         if ready.tolerant is None:
             return self._adaptive(small, ready.rule, events)
         rest = (ready.study.run.t_end, ready.method.stepper, ready.criterion, self.store)
-        return ready.tolerant.run(ready.model, events, *rest)
+        return ready.tolerant.run(ready.model, events, *rest, ready.criteria)
 
     def _adaptive(
         self, small: SmallModels, rule: SwitchingRule, events: Sequence[Event]
@@ -434,3 +436,9 @@ class _Solver:
 def _seconds(run: Trajectory) -> float:
     """Seconds that the machine took for a run, networks included."""
     return run.setup_seconds + run.simulation_seconds
+
+
+def _cause_figures(causes: ErrorCauses | None) -> dict[str, float]:
+    """Columns of where the error came from."""
+    found = {} if causes is None else causes.record()
+    return {f"error_{name}_deg": value for name, value in found.items()}

@@ -91,6 +91,8 @@ class Figures:
         against the detailed run.
     error_estimate_deg : float
         Estimate of `error_coi_deg`, where the study has a tolerance; 0 for a detailed run.
+    error_truncation_deg, error_linearization_deg, error_jump_deg : float
+        What of the estimate each cause makes alone; they need not add up.
     detailed_s, retained_s, hybrid_s, linear_s, linear_whole_s : float
         Simulated seconds for which each model was in use.
     switches, steps : int
@@ -146,6 +148,9 @@ class Figures:
     error_nadir_hz: float | None = None
     error_lowest_voltage: float | None = None
     error_estimate_deg: float | None = None
+    error_truncation_deg: float | None = None
+    error_linearization_deg: float | None = None
+    error_jump_deg: float | None = None
     detailed_s: float | None = None
     retained_s: float | None = None
     hybrid_s: float | None = None
