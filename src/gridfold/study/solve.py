@@ -121,10 +121,10 @@ def _on_gpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[
         on_gpu = partial(simulate_on_gpu, precision=prepared.study.run.precision)
         known.update(_side_by_side(prepared, batch, None, on_gpu))
     except Exception as error:  # of the compiler or the driver, of whatever kind
-        reason = f"the GPU failed: {_in_words(error)}"
+        what = _in_words(error)
         if prepared.gpu_only:
-            raise GpuError(f"{reason}; auto and cpu run on the CPU") from error
-        return [f"contingencies run on the CPU: {reason}"]
+            raise GpuError(f"the GPU failed: {what}; auto and cpu run on the CPU") from error
+        return [f"contingencies run on the CPU: the GPU failed: {what}"]
     return []
 
 
