@@ -20,7 +20,7 @@ def stalling(count: int) -> TriedCount:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "counts", "chosen"), [(1.0, (), 0), (0.3, (4,), 4), (0.1, (16,), 16)]
+    ("wanted", "counts", "chosen"), [(1.0, (), 0), (0.3, (4,), 4), (0.1, (8, 16), 16)]
 )
 def test_the_search_begins_where_the_error_should_be_small_enough(wanted, counts, chosen) -> None:
     tried = try_counts(1.0, wanted, 100, halving(1.0))
@@ -34,12 +34,20 @@ def test_more_are_tried_where_the_error_is_still_too_large() -> None:
     assert best_count(tried, 1.0, 0.5, 1.0) == 8
 
 
-def test_fewer_are_tried_where_a_step_costs_too_much() -> None:
+def test_the_search_begins_with_few_machines_however_large_the_error_is() -> None:
     tried = try_counts(1.0, 0.01, 100, halving(1.0, cost=0.03))
-    assert [item.count for item in tried] == [64, 32, 16]
+    assert [item.count for item in tried] == [8, 16, 32]
+    assert tried[-1].cost > AFFORDABLE
     assert best_count(tried, 1.0, 0.01, 0.1) == 16
     assert best_count(tried, 1.0, 0.01, 0.05) == 0
-    assert all(item.cost > AFFORDABLE for item in tried[:-1])
+    assert try_counts(inf, 0.01, 100, stalling)[0].count == 8
+
+
+def test_fewer_are_tried_where_a_step_costs_too_much() -> None:
+    tried = try_counts(1.0, 0.01, 100, halving(1.0, cost=0.3))
+    assert [item.count for item in tried] == [8, 4, 2]
+    assert [item.cost > AFFORDABLE for item in tried] == [True, True, False]
+    assert best_count(tried, 1.0, 0.01, 1.0) == 2
 
 
 def test_the_search_ends_where_more_machines_do_not_help() -> None:

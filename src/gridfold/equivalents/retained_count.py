@@ -14,6 +14,9 @@ MOST_TRIED = 3
 #: What twice as many machines leave of the error at most, if it is worth to try still more.
 _GAIN = 0.65
 _FEWEST = 2
+#: Largest number that is tried first: with many machines there are many ports, and what is behind them
+#: takes minutes to reduce.
+_FIRST = 8
 
 
 def try_counts(
@@ -35,14 +38,15 @@ def try_counts(
     Returns
     -------
     tuple of TriedCount
-        Begins where the error should be small enough if it halves with each doubling; goes on with
-        twice as many where it is not, and with half as many where a step costs too much.
+        Begins where the error should be small enough if it halves with each doubling, but with few
+        machines; goes on with twice as many where it is not, and with half as many where a step costs
+        too much.
     """
     if linear_deg <= wanted_deg or most < _FEWEST:
         return ()
     largest = 2 ** int(log2(most))
-    needed = largest if linear_deg == inf else 2 ** ceil(log2(linear_deg / wanted_deg))
-    count, tried = min(max(needed, _FEWEST), largest), list[TriedCount]()
+    needed = _FIRST if linear_deg == inf else 2 ** ceil(log2(linear_deg / wanted_deg))
+    count, tried = min(max(needed, _FEWEST), _FIRST, largest), list[TriedCount]()
     while len(tried) < MOST_TRIED:
         known = {item.count for item in tried}
         tried.append(attempt(count))
