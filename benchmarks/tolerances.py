@@ -80,13 +80,13 @@ class Outcome:
 
 
 def main() -> None:
-    """Measure all grids."""
+    """Measure all grids; the page is there after each."""
     one_thread()
     sections = []
     for grid in grids():
         sections.append(section(grid))
         print(sections[-1], flush=True)
-    print(write(PAGE, "# Runs within a tolerance", *sections, machine()))
+        write(PAGE, "# Runs within a tolerance", *sections, machine())
 
 
 def grids() -> Iterator[Grid]:
