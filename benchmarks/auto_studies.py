@@ -28,7 +28,7 @@ from gridfold.study.study_file import parse_study
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data")).resolve()
 PAGE = "auto_studies.md"
 #: Line faults, how long each lasts, and the end of each run, in s; rounds of all models in turn.
-COUNT, CLEARING, T_END, ROUNDS = 80, 0.1, 16.0, 2
+COUNT, CLEARING, T_END, ROUNDS = 80, 0.1, 16.0, 1
 MODELS = ("detailed", "auto", "adaptive")
 #: Most that the default may take of the detailed study, and the ladder where it is said to pay.
 DEFAULT_SHARE, LADDER_SHARE = 1.1, 0.5

@@ -314,3 +314,22 @@ def test_rows_are_lifted_without_the_others(npcc, retained):
     np.testing.assert_allclose(
         coordinates.lift_rows(w, index), coordinates.lift(w)[:, index], atol=1e-12
     )
+
+
+def test_bases_on_which_a_mode_grows_are_not_used_again(npcc, retained, monkeypatch):
+    """A tilted projection keeps T T~ = I; tilted far enough it makes a stable area unstable."""
+    model = after(npcc, gf.BranchTrip("3-2"))
+    point = find_equilibrium(model, npcc.x0)
+    lift, restrict = retained.bases.lift, retained.bases.restrict
+    tilt = np.random.default_rng(0).normal(size=restrict.shape)
+    tilt -= tilt @ lift @ restrict
+    moved = retained.area.system.apply(lift)
+    sizes = (2.0**k * 1e-6 for k in range(40))
+    size = next(s for s in sizes if np.linalg.eigvals((restrict + s * tilt) @ moved).real.max() > 1)
+    bases = replace(retained.bases, restrict=restrict + size * tilt)
+    monkeypatch.setattr(folded, "missed", lambda *given: 0.0)
+    again = replace(retained, bases=bases).moved(model, point)
+    assert "on them a mode grows by" in again.made
+    assert "reduced anew" in again.made
+    assert again.growth < 0
+    assert "linearized anew" in retained.moved(model, point).made

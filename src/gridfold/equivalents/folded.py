@@ -53,6 +53,9 @@ from gridfold.systems.statemap import StateMap
 
 #: How many times as much as of the intact area, or as the bound, bases may miss of another one.
 MOST_MISSED = 10.0
+#: By how much (1/s) a mode may grow faster on bases of another area than any did there. A projection
+#: keeps what it is asked for at one rate of swings, and may be unstable all the same.
+MOST_GROWTH = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,6 +128,11 @@ class FoldedArea(Card):
         return Mode.RETAINED if self.retained else Mode.LINEAR
 
     @property
+    def growth(self) -> float:
+        """Largest real part of the modes of the projected area, in 1/s."""
+        return float(self.linear_ports.diagonal.max(initial=-np.inf))
+
+    @property
     def modes(self) -> tuple[Mode, ...]:
         """One model."""
         return (self.mode,)
@@ -186,15 +194,19 @@ class FoldedArea(Card):
     ) -> FoldedArea:
         """Linearized anew about `point`, the equilibrium of `model`, where `grid` may be known.
 
-        It is projected on the bases that are there, unless they miss too much of it, or linear
-        machines are out, whose part in the common turn the bases know: then it is reduced anew.
+        It is projected on the bases that are there, unless they miss too much of it, the projection
+        has a mode that grows, or linear machines are out, whose part in the common turn the bases know:
+        then it is reduced anew.
         """
         area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
         applied = area.system.apply(self.bases.lift)
         miss, usual = missed(self.bases, area, applied), self.bases.miss
         told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
         out = model.state.units_out.intersection(self.ports.units)
-        if not out and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
+        growth = float(np.linalg.eigvals(self.bases.restrict @ applied).real.max(initial=-np.inf))
+        grows = growth > max(self.growth, 0.0) + MOST_GROWTH
+        told += f"; on them a mode grows by {growth:.2g} 1/s" * grows
+        if not (out or grows) and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
             known = replace(self, made=f"linearized anew; {told}")
         else:
             old = self.bases
