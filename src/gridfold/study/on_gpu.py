@@ -14,7 +14,8 @@ from gridfold.runs.cuda import simulate_on_gpu, why_not_on_gpu
 from gridfold.study.generate import Contingency
 from gridfold.study.prepare import Prepared
 from gridfold.study.single_precision import SingleError, single_error
-from gridfold.study.study_file import RunsOn, SideBySide, Study
+from gridfold.study.solve import in_words, why_by_itself
+from gridfold.study.study_file import RunsOn, Study
 
 #: Events whose contingencies run by themselves: they start or go on with other parameters.
 _ALONE = (Redispatch, SetParameter)
@@ -115,15 +116,9 @@ def choose_device(
 
 def _why_not(prepared: Prepared) -> str | None:
     """Why contingencies of a study are not made for a GPU; None if they are."""
-    if prepared.study.run.batch is SideBySide.OFF:
-        return "batch = off asks for them one by one"
     if prepared.small is not None:
         return "they are simulated on reduced models"
-    if prepared.relays:
-        return "relays watch every run"
-    if prepared.time_limit is not None:
-        return "each has a time limit of its own"
-    return why_not_on_gpu(prepared.model, prepared.method.stepper)
+    return why_by_itself(prepared) or why_not_on_gpu(prepared.model, prepared.method.stepper)
 
 
 def _alone(contingency: Contingency) -> set[str]:
@@ -144,5 +139,5 @@ def _tried(
             return None, single_error(prepared, together)
         list(simulate_on_gpu(prepared.model, [()], *rest, precision=precision))
     except Exception as error:  # of the compiler or the driver, of whatever kind
-        return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}", None
+        return in_words(error), None
     return None, None

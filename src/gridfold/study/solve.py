@@ -121,7 +121,7 @@ def _on_gpu(prepared: Prepared, batch: Batch, known: dict[int, Solved]) -> list[
         on_gpu = partial(simulate_on_gpu, precision=prepared.study.run.precision)
         known.update(_side_by_side(prepared, batch, None, on_gpu))
     except Exception as error:  # of the compiler or the driver, of whatever kind
-        what = _in_words(error)
+        what = in_words(error)
         if prepared.gpu_only:
             raise GpuError(f"the GPU failed: {what}; auto and cpu run on the CPU") from error
         return [f"contingencies run on the CPU: the GPU failed: {what}"]
@@ -144,24 +144,32 @@ def _on_cpu(
         ):
             known[left[place]] = solved
     except Exception as error:  # each is tried by itself, and tells there what is wrong with it
-        return [f"contingencies run one by one, not side by side: {_in_words(error)}"]
+        return [f"contingencies run one by one, not side by side: {in_words(error)}"]
     return []
 
 
-def _in_words(error: Exception) -> str:
+def in_words(error: Exception) -> str:
+    """An error of whatever kind in a line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
 
 
-def why_one_by_one(prepared: Prepared) -> str | None:
-    """Why the contingencies of a study do not advance together; None if they do."""
+def why_by_itself(prepared: Prepared) -> str | None:
+    """Why each contingency of a study runs by itself, whatever there is to run them; None if not."""
     if prepared.study.run.batch is SideBySide.OFF:
-        return "as asked for"
-    if prepared.tolerant is not None:
-        return "a tolerance decides about every run by itself"
+        return "batch = off asks for them one by one"
     if prepared.relays:
         return "relays watch every run"
     if prepared.time_limit is not None:
         return "each has a time limit of its own"
+    return None
+
+
+def why_one_by_one(prepared: Prepared) -> str | None:
+    """Why the contingencies of a study do not advance together; None if they do."""
+    if (reason := why_by_itself(prepared)) is not None:
+        return reason
+    if prepared.tolerant is not None:
+        return "a tolerance decides about every run by itself"
     why = why_single if prepared.small is None else why_reduced_single
     return why(prepared.model, prepared.method.stepper)
 
