@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
-from gridfold.equivalents import folded
+from gridfold.equivalents import folded, serving
 from gridfold.equivalents.area_bases import find_bases
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.folded import fold, on_bases
@@ -327,7 +327,7 @@ def test_bases_on_which_a_mode_grows_are_not_used_again(npcc, retained, monkeypa
     sizes = (2.0**k * 1e-6 for k in range(40))
     size = next(s for s in sizes if np.linalg.eigvals((restrict + s * tilt) @ moved).real.max() > 1)
     bases = replace(retained.bases, restrict=restrict + size * tilt)
-    monkeypatch.setattr(folded, "missed", lambda *given: 0.0)
+    monkeypatch.setattr(serving, "missed", lambda *given: 0.0)
     again = replace(retained, bases=bases).moved(model, point)
     assert "on them a mode grows by" in again.made
     assert "reduced anew" in again.made

@@ -91,6 +91,20 @@ def touched_held(
     state that is at its limit stands still: the limits of both sides are put beyond it. Limits without
     a state there, or without one on the other side, are taken away.
     """
+    return _one_sided(model, x, units, held=True)
+
+
+def touched_let_go(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
+) -> DetailedModel:
+    """The model to linearize at `x` as it is inside the limits of `units` that `x` is just at."""
+    return _one_sided(model, x, units, held=False)
+
+
+def _one_sided(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey], held: bool
+) -> DetailedModel:
+    """The model without the limits that `x` is just at, or with states held where they have some."""
     near = set(limits_touched(model, x, units)) - set(limits_acting(model, x, units))
     if not near:
         return model
@@ -100,13 +114,14 @@ def touched_held(
         for limit in block.device.limits:
             row = block.device.parameter_rows.index(limit.parameter)
             for k, unit in enumerate(block.units):
-                if limit_name(block.device, limit, unit) in near:
-                    parameters[row, k] = limit.side.value * NO_LIMIT
-                    bound = float(limit_value(block.device, limit, block.parameters)[k])
-                    others = _opposite(block.device, limit)
-                    if others and _is_at(block, limit, k, x, bound):
-                        for each in (limit, *others):
-                            _put(block.device, each, parameters, k, bound)
+                if limit_name(block.device, limit, unit) not in near:
+                    continue
+                parameters[row, k] = limit.side.value * NO_LIMIT
+                bound = float(limit_value(block.device, limit, block.parameters)[k])
+                others = _opposite(block.device, limit)
+                if held and others and _is_at(block, limit, k, x, bound):
+                    for each in (limit, *others):
+                        _put(block.device, each, parameters, k, bound)
         blocks[at] = replace(block, parameters=parameters)
     return model.with_blocks(blocks)
 

@@ -26,17 +26,17 @@ from gridfold.dynamics.port_model import (
 )
 from gridfold.dynamics.port_rhs import LinearPorts
 from gridfold.dynamics.prime_movers import limited_by_any_swing, mover_limits, prime_movers
-from gridfold.dynamics.unit_limits import limits_touched, touched_held
+from gridfold.dynamics.unit_limits import limits_touched, touched_held, touched_let_go
 from gridfold.equivalents.area_bases import (
     PORT_TOLERANCE,
     Bases,
     coarser_bases,
     find_bases,
     in_modes,
-    missed,
 )
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
+from gridfold.equivalents.serving import service, serving
 from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -50,12 +50,6 @@ from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.modal import ModalSystem
 from gridfold.systems.protocol import System
 from gridfold.systems.statemap import StateMap
-
-#: How many times as much as of the intact area, or as the bound, bases may miss of another one.
-MOST_MISSED = 10.0
-#: By how much (1/s) a mode may grow faster on bases of another area than any did there. A projection
-#: keeps what it is asked for at one rate of swings, and may be unstable all the same.
-MOST_GROWTH = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,19 +192,14 @@ class FoldedArea(Card):
         has a mode that grows, or linear machines are out, whose part in the common turn the bases know:
         then it is reduced anew.
         """
-        area = _linearized(self.ports, model, point.x, self.bases.weights, self.governed, grid)
-        applied = area.system.apply(self.bases.lift)
-        miss, usual = missed(self.bases, area, applied), self.bases.miss
-        told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({usual:.2g} there)"
-        out = model.state.units_out.intersection(self.ports.units)
-        growth = float(np.linalg.eigvals(self.bases.restrict @ applied).real.max(initial=-np.inf))
-        grows = growth > max(self.growth, 0.0) + MOST_GROWTH
-        told += f"; on them a mode grows by {growth:.2g} 1/s" * grows
-        if not (out or grows) and miss <= MOST_MISSED * max(usual, self.bases.bound or 0.0):
+        old = self.bases
+        area = _linearized(self.ports, model, point.x, old.weights, self.governed, grid)
+        applied = area.system.apply(old.lift)
+        served, told = service(old, area, self.growth, applied)
+        if served and not model.state.units_out.intersection(self.ports.units):
             known = replace(self, made=f"linearized anew; {told}")
         else:
-            old = self.bases
-            bases = find_bases(self.reducer, area, model, point.x, old.weights, old.input_weights)
+            bases = _found(self.reducer, area, model, point.x, old.weights, old.input_weights)
             known = replace(self, bases=bases, made=f"reduced anew: {told}")
             applied = area.system.apply(bases.lift)
         return _projected(known, area, model, point, applied)
@@ -234,7 +223,13 @@ class FoldedArea(Card):
         usual = replace(self.reducer, order=None)
         reducers = [replace(usual, tolerance=bound) for bound in bounds]
         model, point = self.parts.model, Equilibrium(self.origin, self.rate)
-        found = coarser_bases(self.bases, self.area, model, self.origin, reducers)
+        found = serving(
+            self.area,
+            _sides(self.area, model, point.x, self.bases.weights),
+            lambda area, smooth: list(
+                coarser_bases(self.bases, area, smooth, self.origin, reducers)
+            ),
+        )
         for reducer, bases in zip(reducers, found, strict=True):
             coarse = replace(self, reducer=reducer, bases=bases)
             yield _projected(coarse, self.area, model, point)
@@ -325,7 +320,7 @@ def fold(
     by_ports = np.zeros((0, 0))
     if weights is Weights.INTERFACE:
         by_ports = port_swings(area, parts, sample_swings(parts) if swings is None else swings)
-    bases = find_bases(chosen, area, parts.model, point.x, at_ports, by_ports)
+    bases = _found(chosen, area, parts.model, point.x, at_ports, by_ports)
     return _about(parts, couple(parts), kept, ports, chosen, bases, area, point)
 
 
@@ -359,6 +354,44 @@ def _linearized(
     movers = prime_movers(smooth, x, governed) if governed else None
     known = grid if smooth is model else None
     return linearize_ports(ports, smooth, x, weights, movers, known)
+
+
+def _sides(
+    area: PortArea,
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> Iterator[tuple[PortArea, DetailedModel]]:
+    """The area as it is inside the limits that `x` just touches, if there are any, and as it is held.
+
+    Each comes with the model of which it is a part.
+    """
+    free = touched_let_go(model, x, area.ports.units)
+    if free is not model:
+        governed = () if area.movers is None else area.movers.units
+        yield _linearized(area.ports, free, x, weights, governed), free
+    yield area, model
+
+
+def _found(
+    reducer: Reducer,
+    area: PortArea,
+    model: DetailedModel,
+    x: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    input_weights: NDArray[np.float64],
+) -> Bases:
+    """Bases that serve the area inside the limits that `x` just touches, where it can be, and held.
+
+    What is let go is seen by the ports, and held it is not: bases of the area that is held would
+    know nothing of it at the next operating point.
+    """
+    (bases,) = serving(
+        area,
+        _sides(area, model, x, weights),
+        lambda side, smooth: [find_bases(reducer, side, smooth, x, weights, input_weights)],
+    )
+    return bases
 
 
 def _at_limits(
