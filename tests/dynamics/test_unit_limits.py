@@ -8,11 +8,13 @@ from limited_cases import LIMITED, npcc_with_ieeet1, npcc_with_sexs
 
 import gridfold as gf
 from gridfold.dynamics.unit_limits import (
+    limit_names,
     limits_acting,
-    limits_along,
+    limits_passed,
     limits_touched,
     state_limits,
     touched_held,
+    touched_let_go,
 )
 from gridfold.grid.network_state import NetworkState
 
@@ -29,7 +31,7 @@ def slot(model: gf.DetailedModel, name: str, unit: str) -> int:
 
 
 def test_a_case_without_limits_has_none(npcc):
-    assert limits_along(npcc, npcc.x0[None, :], npcc.machines) == {}
+    assert limit_names(npcc, npcc.machines) == ()
     assert limits_touched(npcc, npcc.x0, npcc.machines) == ()
     assert state_limits(npcc, npcc.x0, npcc.machines).names == ()
 
@@ -48,8 +50,10 @@ def test_a_limit_acts_beyond_its_value_and_is_told_by_symbol_model_and_unit(limi
 
 def test_along_a_run_a_limit_acts_in_the_rows_in_which_it_acts_alone(limited):
     run = gf.simulate(limited, [gf.BusFault(3, duration=0.39)], 1.0)
-    found = limits_along(limited, run.states, limited.machines)
-    assert set(found) == {f"{end} of sexs {unit}" for end in ("EMIN", "EMAX") for unit in LIMITED}
+    found = limits_passed(limited, run.states, limited.machines)
+    assert set(limit_names(limited, limited.machines)) == {
+        f"{end} of sexs {unit}" for end in ("EMIN", "EMAX") for unit in LIMITED
+    }
     assert any(acts.any() for acts in found.values())
     for row in range(0, len(run.times), 10):
         alone = limits_acting(limited, run.states[row], limited.machines)
@@ -59,7 +63,7 @@ def test_along_a_run_a_limit_acts_in_the_rows_in_which_it_acts_alone(limited):
 def test_a_unit_that_is_out_has_no_limits(limited):
     unit = next(unit for unit in limited.machines if str(unit) == "71:1")
     out = limited.for_state(replace(limited.state, units_out=frozenset({unit})))
-    assert not any("71:1" in name for name in limits_along(out, out.x0[None, :], out.machines))
+    assert not any("71:1" in name for name in limit_names(out, out.machines))
     assert "EMAX of sexs 71:1" not in state_limits(out, out.x0, out.machines).names
 
 
@@ -85,6 +89,13 @@ def test_a_state_that_just_touches_a_limit_is_linearized_as_held_there(npcc):
     assert touched_held(wide, wide.x0, wide.machines) is wide
 
 
+def test_what_just_touches_a_limit_is_linearized_as_free_if_it_is_let_go(npcc):
+    wide, tight = (gf.build_model(npcc_with_sexs(npcc, room)) for room in (1000.0, 0.0))
+    free = touched_let_go(tight, tight.x0, tight.machines)
+    np.testing.assert_allclose(free.jacobian(tight.x0), wide.jacobian(wide.x0), atol=1e-9)
+    assert touched_let_go(wide, wide.x0, wide.machines) is wide
+
+
 def test_limits_of_states_give_state_value_and_side(limited):
     found = state_limits(limited, limited.x0, limited.machines, without=["EMIN of sexs 48:1"])
     assert len(found.names) == 2 * len(LIMITED) - 1
@@ -101,7 +112,7 @@ def test_limits_of_states_give_state_value_and_side(limited):
 def test_a_state_that_a_time_constant_of_zero_leaves_idle_is_not_bounded(npcc):
     model = gf.build_model(npcc_with_sexs(npcc, ROOM, ["71:1"], exciter_time=0.0))
     assert state_limits(model, model.x0, model.machines).names == ()
-    assert len(limits_along(model, model.x0[None, :], model.machines)) == 2
+    assert len(limit_names(model, model.machines)) == 2
 
 
 def test_the_moved_maximum_of_a_commutator_exciter_is_the_sum_of_both_parameters(npcc):

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from limited_cases import npcc_with_sexs
 from scipy.linalg import expm
 
 import gridfold as gf
 from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
+from gridfold.dynamics.unit_limits import touched_let_go
 from gridfold.equivalents import folded, serving
 from gridfold.equivalents.area_bases import find_bases
 from gridfold.equivalents.families import Mode
@@ -316,20 +318,63 @@ def test_rows_are_lifted_without_the_others(npcc, retained):
     )
 
 
-def test_bases_on_which_a_mode_grows_are_not_used_again(npcc, retained, monkeypatch):
-    """A tilted projection keeps T T~ = I; tilted far enough it makes a stable area unstable."""
-    model = after(npcc, gf.BranchTrip("3-2"))
-    point = find_equilibrium(model, npcc.x0)
+@pytest.fixture
+def tilted(npcc, retained):
+    """The area on bases on which a mode grows after a trip.
+
+    A tilted projection keeps T T~ = I; tilted far enough it makes a stable area unstable.
+    """
     lift, restrict = retained.bases.lift, retained.bases.restrict
     tilt = np.random.default_rng(0).normal(size=restrict.shape)
     tilt -= tilt @ lift @ restrict
     moved = retained.area.system.apply(lift)
     sizes = (2.0**k * 1e-6 for k in range(40))
     size = next(s for s in sizes if np.linalg.eigvals((restrict + s * tilt) @ moved).real.max() > 1)
-    bases = replace(retained.bases, restrict=restrict + size * tilt)
-    monkeypatch.setattr(serving, "missed", lambda *given: 0.0)
-    again = replace(retained, bases=bases).moved(model, point)
-    assert "on them a mode grows by" in again.made
+    return replace(retained, bases=replace(retained.bases, restrict=restrict + size * tilt))
+
+
+def test_a_mode_that_grows_on_the_bases_alone_is_left_out(npcc, retained, tilted, monkeypatch):
+    model = after(npcc, gf.BranchTrip("3-2"))
+    point = find_equilibrium(model, npcc.x0)
+    monkeypatch.setattr(folded, "missed", lambda *given: 0.0)
+    again = tilted.moved(model, point)
+    assert "linearized anew" in again.made
+    assert "1/s on them is left out" in again.made
+    assert 0 < tilted.bases.order - again.bases.order < 10
+    assert again.growth <= max(retained.growth, 0.0) + serving.MOST_GROWTH
+    t, lift = again.states.restrict_matrix, again.states.lift_matrix
+    np.testing.assert_allclose(t @ lift, np.eye(again.bases.order), atol=1e-8)
+    assert "left out" not in retained.moved(model, point).made
+
+
+def test_an_area_is_reduced_anew_where_too_much_of_it_is_left_out(npcc, tilted):
+    model = after(npcc, gf.BranchTrip("3-2"))
+    again = tilted.moved(model, find_equilibrium(model, npcc.x0))
     assert "reduced anew" in again.made
     assert again.growth < 0
-    assert "linearized anew" in retained.moved(model, point).made
+    assert again.bases.miss < 1e-3
+
+
+@pytest.fixture(scope="module")
+def at_limits(npcc, parts):
+    """The external area of a grid in which two exciters start at both of their limits."""
+    model = gf.build_model(npcc_with_sexs(npcc, 0.0, ["48:1", "68:1"]))
+    return fold(gf.partition(model, parts.study_buses), (), BalancedTruncation(1e-3))
+
+
+def test_bases_of_a_start_at_limits_obey_the_bound_inside_of_them_too(at_limits):
+    bases, model = at_limits.bases, at_limits.parts.model
+    free = touched_let_go(model, model.x0, at_limits.ports.units)
+    inside = folded._linearized(at_limits.ports, free, model.x0, bases.weights, ())
+    held = find_bases(
+        at_limits.reducer, at_limits.area, model, model.x0, bases.weights, bases.input_weights
+    )
+
+    def error(used):
+        full = inside.driven.with_input_weights(used.input_weights)
+        small = projected(full, used.lift, used.restrict)
+        points = 2j * np.pi * FREQUENCIES[1:]
+        return gain(full.dense().transfer(points) - small.transfer(points))
+
+    assert error(bases) < bases.bound < 1e-3
+    assert error(held) > 2e-3

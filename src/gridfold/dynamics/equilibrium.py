@@ -22,7 +22,9 @@ from gridfold.errors import InitializationError
 
 _MAX_ITERATIONS = 30
 #: The Jacobian is taken anew where a step leaves more than this part of the residual.
-_SLOW = 0.1
+_SLOW = 0.3
+#: Not where no more than so many times the residual that is good is left: the next step ends there.
+_NEARLY = 10.0
 #: A step is that of the implicit Euler rule over so many seconds: what nothing holds, such as an
 #: integrator whose output is cut off, drifts to its limit instead of making the Jacobian singular.
 _LONG = 1e4
@@ -86,7 +88,7 @@ def find_equilibrium(model: DetailedModel, guess: NDArray[np.float64]) -> Equili
         if size < good:
             return Equilibrium(x, rate)
         try:
-            if solve is None or (not size <= _SLOW * before and np.isfinite(before)):
+            if solve is None or not size <= max(_SLOW * before, _NEARLY * good):
                 solve = jacobian.at(x)
             step = solve(np.append(residual, condition @ np.append(x - guess, rate)))
         except RuntimeError:

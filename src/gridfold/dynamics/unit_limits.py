@@ -77,9 +77,18 @@ def limits_touched(
     model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
 ) -> tuple[str, ...]:
     """Limits of `units` that act at the state `x` (n_states,), or that it is just at."""
-    acting = limits_acting(model, x, units)
-    near = limits_along(model, x[None, :], units, inwards=AT_LIMIT)
-    return tuple(name for name, acts in near.items() if acts.any() or name in acting)
+    acting, near = _acting_and_near(model, x, units)
+    return tuple(name for name in limit_names(model, units) if name in near or name in acting)
+
+
+def _acting_and_near(
+    model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey]
+) -> tuple[set[str], set[str]]:
+    """Limits that act at `x`, and those that act if all limits are moved inwards a little."""
+    return (
+        set(limits_passed(model, x[None, :], units)),
+        set(limits_passed(model, x[None, :], units, inwards=AT_LIMIT)),
+    )
 
 
 def touched_held(
@@ -105,7 +114,8 @@ def _one_sided(
     model: DetailedModel, x: NDArray[np.float64], units: Collection[UnitKey], held: bool
 ) -> DetailedModel:
     """The model without the limits that `x` is just at, or with states held where they have some."""
-    near = set(limits_touched(model, x, units)) - set(limits_acting(model, x, units))
+    acting, near = _acting_and_near(model, x, units)
+    near -= acting
     if not near:
         return model
     blocks = list(model.layout.blocks)
@@ -152,33 +162,31 @@ def _put(
     parameters[device.parameter_rows.index(limit.parameter), column] = target
 
 
-def limits_along(
+def limits_passed(
     model: DetailedModel,
     states: NDArray[np.float64],
     units: Collection[UnitKey],
     inwards: float = 0.0,
 ) -> Mapping[str, NDArray[np.bool_]]:
-    """Whether each limit of `units` acts at the states (n_times, n_states): name to (n_times,).
+    """Limits of `units` that act at one of the states (n_times, n_states), and at which: (n_times,).
 
     The limits are taken as they are, or moved inwards by a part of their size.
     """
     return {
-        limit_name(block.device, limit, block.units[column]): row
-        for block, columns, acts in _acting(model, states, units, inwards)
-        for limit, rows in zip(block.device.limits, acts, strict=True)
-        for column, row in zip(columns, rows, strict=True)
-    }
-
-
-def limits_passed(
-    model: DetailedModel, states: NDArray[np.float64], units: Collection[UnitKey]
-) -> Mapping[str, NDArray[np.bool_]]:
-    """Those of :func:`limits_along` that act at some state."""
-    return {
         limit_name(block.device, block.device.limits[k], block.units[columns[j]]): acts[k, j]
-        for block, columns, acts in _acting(model, states, units)
+        for block, columns, acts in _acting(model, states, units, inwards)
         for k, j in np.argwhere(acts.any(axis=2))
     }
+
+
+def limit_names(model: DetailedModel, units: Collection[UnitKey]) -> tuple[str, ...]:
+    """Names of all limits of `units` that are in service, in the order of the model."""
+    return tuple(
+        limit_name(block.device, limit, block.units[column])
+        for block, columns in _limited(model, units)
+        for limit in block.device.limits
+        for column in columns
+    )
 
 
 def _acting(

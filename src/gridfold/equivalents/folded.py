@@ -33,10 +33,18 @@ from gridfold.equivalents.area_bases import (
     coarser_bases,
     find_bases,
     in_modes,
+    missed,
 )
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.equivalents.model_kind import Weights
-from gridfold.equivalents.serving import service, serving
+from gridfold.equivalents.serving import (
+    MOST_MISSED,
+    grows,
+    growth_on,
+    serve,
+    serving,
+    without_growth,
+)
 from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
@@ -188,21 +196,28 @@ class FoldedArea(Card):
     ) -> FoldedArea:
         """Linearized anew about `point`, the equilibrium of `model`, where `grid` may be known.
 
-        It is projected on the bases that are there, unless they miss too much of it, the projection
-        has a mode that grows, or linear machines are out, whose part in the common turn the bases know:
-        then it is reduced anew.
+        It is projected on the bases that are there, without modes that grow on them and not in the
+        intact network. It is reduced anew where they miss too much of it (more than the bound, if
+        modes are left out), and where linear machines are out, whose part in the common turn the bases
+        know.
         """
         old = self.bases
         area = _linearized(self.ports, model, point.x, old.weights, self.governed, grid)
-        applied = area.system.apply(old.lift)
-        served, told = service(old, area, self.growth, applied)
-        if served and not model.state.units_out.intersection(self.ports.units):
-            known = replace(self, made=f"linearized anew; {told}")
-        else:
-            bases = _found(self.reducer, area, model, point.x, old.weights, old.input_weights)
-            known = replace(self, bases=bases, made=f"reduced anew: {told}")
+        applied, left_out = area.system.apply(old.lift), ""
+        growth, bases = growth_on(old, applied), old
+        if grows(growth, self.growth):
+            bases = without_growth(old, applied, self.growth)
             applied = area.system.apply(bases.lift)
-        return _projected(known, area, model, point, applied)
+            left_out = f"; a mode that grows by {growth:.2g} 1/s on them is left out"
+        miss = missed(bases, area, applied)
+        told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({old.miss:.2g} there)"
+        made = f"linearized anew; {told}{left_out}"
+        served = serve(old, miss, MOST_MISSED if bases is old else 1.0)
+        if not served or model.state.units_out.intersection(self.ports.units):
+            made = f"reduced anew: {told}{left_out}"
+            bases = _found(self.reducer, area, model, point.x, old.weights, old.input_weights)
+            applied = area.system.apply(bases.lift)
+        return _projected(replace(self, bases=bases, made=made), area, model, point, applied)
 
     def area_of(self, mode: Mode) -> FoldedArea:
         """The area itself, as a ladder tells it of a rung."""

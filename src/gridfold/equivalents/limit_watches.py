@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
-from gridfold.dynamics.unit_limits import StateLimits, limits_along, limits_passed, state_limits
+from gridfold.dynamics.unit_limits import StateLimits, limit_names, limits_passed, state_limits
 from gridfold.equivalents.families import Mode, SmallModel
 from gridfold.numerics.watch import BoxWatch
 from gridfold.runs.notices import Notice
@@ -120,11 +120,10 @@ def linear_limits(
     units = small.unlimited
     every = state_limits(model, origin, units, small.followed)
     held = every.only(set(without))
-    without = {*without, *small.followed}
-    everything = set(limits_along(model, origin[None, :], units)) - without
+    everything = set(limit_names(model, units)) - {*without, *small.followed}
     if not everything and not held.names:
         return None
-    direct = state_limits(model, origin, units, without)
+    direct = every.only(everything)
     others = frozenset(everything - set(direct.names))
     return LinearLimits(model, small, direct, others, _box(small, direct), held)
 

@@ -3,47 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.dynamics.model import DetailedModel
 from gridfold.equivalents.area_bases import Bases, missed
+from gridfold.numerics.modal_form import modal_form
 from gridfold.partition.port_area import PortArea
 
-#: How many times as much as of their own area, or as the bound, bases may miss of another one.
+#: How many times as much as of their own area, or as the bound, bases may miss after a trip.
 MOST_MISSED = 10.0
 #: By how much (1/s) a mode may grow faster on bases of another area than any did there. A projection
 #: keeps what it is asked for at one rate of swings, and may be unstable all the same.
 MOST_GROWTH = 0.05
 
 
-class Service(NamedTuple):
-    """Whether bases serve an area, and what is to be said of it."""
-
-    enough: bool
-    told: str
-
-
-def service(
-    bases: Bases, area: PortArea, usual: float, applied: NDArray[np.float64] | None = None
-) -> Service:
-    """Whether `bases` serve `area`; on their own area no mode grows by more than `usual` (1/s).
-
-    `applied` is A T~ of `area`, if that is known.
-    """
-    known = area.system.apply(bases.lift) if applied is None else applied
-    miss, growth = missed(bases, area, known), growth_on(bases, known)
-    told = f"the bases of the intact network miss {miss:.2g} p.u. of it ({bases.miss:.2g} there)"
-    if growth > max(usual, 0.0) + MOST_GROWTH:
-        return Service(False, f"{told}; on them a mode grows by {growth:.2g} 1/s")
-    return Service(miss <= MOST_MISSED * max(bases.miss, bases.bound or 0.0), told)
+def serve(bases: Bases, miss: float, times: float = 1.0) -> bool:
+    """Whether bases miss (p.u.) no more than so many times what they may miss of their own area."""
+    return miss <= times * max(bases.miss, bases.bound or 0.0)
 
 
 def growth_on(bases: Bases, applied: NDArray[np.float64]) -> float:
     """Largest real part of the modes of a projected area, in 1/s; `applied` is A T~."""
     return float(np.linalg.eigvals(bases.restrict @ applied).real.max(initial=-np.inf))
+
+
+def grows(growth: float, usual: float) -> bool:
+    """Whether a mode grows that does not on the area of the bases, where one grows by `usual` (1/s)."""
+    return growth > max(usual, 0.0) + MOST_GROWTH
+
+
+def without_growth(bases: Bases, applied: NDArray[np.float64], usual: float) -> Bases:
+    """The bases without the modes of the projected area that grow; `applied` is A T~.
+
+    Where the modes cannot be told apart they are all kept.
+    """
+    form = modal_form(bases.restrict @ applied)
+    if form is None:
+        return bases
+    kept = np.array([not grows(rate, usual) for rate in form.diagonal], dtype=bool)
+    return replace(
+        bases,
+        lift=bases.lift @ form.basis[:, kept],
+        restrict=form.inverse[kept] @ bases.restrict,
+    )
 
 
 def serving(
@@ -63,5 +68,8 @@ def serving(
 
 
 def _serve_both(bases: Bases, own: PortArea, other: PortArea) -> bool:
+    applied = other.system.apply(bases.lift)
     usual = growth_on(bases, own.system.apply(bases.lift))
-    return service(bases, other, usual).enough
+    return not grows(growth_on(bases, applied), usual) and serve(
+        bases, missed(bases, other, applied)
+    )
