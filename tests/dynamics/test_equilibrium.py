@@ -6,13 +6,18 @@ from cases import one_machine_infinite_bus
 from device_alone import machine_with
 
 import gridfold as gf
+from gridfold.dynamics import equilibrium
 from gridfold.dynamics.equilibrium import Equilibrium, find_equilibrium
 from gridfold.dynamics.exciters.esst4b import DYR_COLUMNS as ESST4B_COLUMNS
+from gridfold.dynamics.governors.ieeeg1 import DYR_COLUMNS as IEEEG1_COLUMNS
 from gridfold.errors import InitializationError
 from gridfold.grid.timeline import build_timeline
 
 #: A regulator of integral and proportional part; its inner loop passes the output on up to a ceiling.
 ESST4B = (0.0, 3.0, 3.0, 1.0, -1.0, 0.0, 1.0, 0.0, 1.0, -1.0, 0.0, 6.0, 0.0, 9.0, 0.1, 0.0, 0.0)
+
+#: A governor with a gate of 20 ms that opens and closes by 0.1 p.u. in a second at most.
+IEEEG1 = (0, 0, 20, 0, 0, 0.02, 0.1, -0.1, 1, 0, 0, 0.3, 0, 8.3, 0.7, 0, 0, 0, 0, 0, 0, 0)
 
 
 def after(model, *events):
@@ -135,3 +140,22 @@ def test_an_integrator_whose_output_is_cut_off_drifts_to_its_limit():
     np.testing.assert_allclose(point.x[free], settled[free], atol=1e-4)
     regulator = model.state_names.index("regulator_voltage:1:1")
     assert point.x[regulator] == pytest.approx(exciter["regulator_maximum"])
+
+
+def test_a_state_whose_rate_is_limited_moves_the_way_its_rate_points():
+    """A gate that has to open by 0.2 p.u., at 0.1 p.u. in a second at most."""
+    named = zip(IEEEG1_COLUMNS, IEEEG1, strict=True)
+    governor = {name: float(value) for name, value in named if name is not None}
+    model = gf.build_model(machine_with({"ieeeg1": governor}))
+    guess = model.x0.copy()
+    guess[model.state_names.index("gate:1:1")] -= 0.2
+    np.testing.assert_allclose(find_equilibrium(model, guess).x, model.x0, atol=1e-6)
+
+
+def test_the_implicit_euler_rule_leads_to_the_equilibrium_of_newtons_method(npcc, monkeypatch):
+    tripped = after(npcc, gf.BranchTrip("3-2"))
+    expected = find_equilibrium(tripped, npcc.x0)
+    monkeypatch.setattr(equilibrium, "_NEWTON_STEPS", 0)
+    point = find_equilibrium(tripped, npcc.x0)
+    np.testing.assert_allclose(point.x, expected.x, atol=1e-6)
+    assert point.rate == pytest.approx(expected.rate, abs=1e-8)
