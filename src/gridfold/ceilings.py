@@ -17,8 +17,8 @@ _SHARE = 0.5
 #: Variable of the environment that says how many GiB a task may take instead.
 MEMORY_VARIABLE = "GRIDFOLD_MEMORY_GIB"
 _GIB = 2.0**30
-#: Bytes that are never refused: to look at what is free takes longer than to fill them.
-_SMALL = 2.0**22
+#: Bytes that are never refused: a short run on a small grid should not wait for a look at what is free.
+_SMALL = 2.0**24
 _UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB")
 
 

@@ -314,6 +314,18 @@ class Case(Card):
         return np.array(ends, dtype=np.int64).reshape(-1, 2)
 
     @cached_property
+    def motors_with_trips(self) -> tuple[DeviceRecord, ...]:
+        """Records of motors in service that ask for a trip where the voltage stays low."""
+        asking = [
+            record
+            for record in self.devices
+            if record.parameters.get("trip_voltage", 0.0) > 0
+            and record.parameters.get("trip_cycles", 0.0) > 0
+        ]
+        live = {load.key for load in self.loads if load.in_service} if asking else set()
+        return tuple(record for record in asking if record.key in live)
+
+    @cached_property
     def branches_out(self) -> frozenset[int]:
         """Positions of the branches that are out of service."""
         return frozenset(k for k, branch in enumerate(self.branches) if not branch.in_service)

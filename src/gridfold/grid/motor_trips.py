@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gridfold.grid.case import Case, DeviceRecord, UnitKey
+from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.measurements import Voltage
 from gridfold.grid.network_state import NetworkState
 from gridfold.grid.relay import Element, Relay
@@ -21,18 +21,11 @@ class MotorTrips(Relay):
 
     def elements(self, case: Case) -> list[Element]:
         """One for each motor with a trip."""
-        tripped = [record for record in case.devices if _trips(record)]
-        live = {load.key for load in case.loads if load.in_service} if tripped else set()
-        return list(_elements(case, [record for record in tripped if record.key in live]))
+        return list(_elements(case))
 
 
-def _trips(record: DeviceRecord) -> bool:
-    values = record.parameters
-    return values.get("trip_voltage", 0.0) > 0 and values.get("trip_cycles", 0.0) > 0
-
-
-def _elements(case: Case, records: list[DeviceRecord]) -> Iterator[Element]:
-    for record in records:
+def _elements(case: Case) -> Iterator[Element]:
+    for record in case.motors_with_trips:
         key, level = record.key, record.parameters["trip_voltage"]
         cycles = record.parameters["trip_cycles"] + record.parameters.get("breaker_cycles", 0.0)
         delay = cycles / case.frequency_hz

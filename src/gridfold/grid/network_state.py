@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 from gridfold.grid.case import Case, UnitKey
@@ -88,14 +89,16 @@ class NetworkState:
     settings: tuple[Setting, ...] = ()
     dispatch: tuple[tuple[UnitKey, float], ...] = ()
 
-    @property
+    @cached_property
     def faulted(self) -> bool:
         """True while a short circuit is on."""
         return bool(self.bus_faults or self.branch_faults)
 
-    @property
+    @cached_property
     def healthy(self) -> NetworkState:
         """The same without short circuits."""
+        if not self.faulted:
+            return self
         return replace(self, bus_faults=frozenset(), branch_faults=frozenset())
 
     def bus_shorts(self, case: Case) -> Iterator[tuple[int, complex]]:
