@@ -9,6 +9,7 @@ import pytest
 
 from gridfold.errors import GridfoldError
 from gridfold.study import solve as solving
+from gridfold.study.engine import _batches
 from gridfold.study.named_files import read_named
 from gridfold.study.prepare import do_offline_work, prepare
 from gridfold.study.solve import Task, solve, solve_batch, why_one_by_one
@@ -62,3 +63,18 @@ def test_reduced_runs_side_by_side_have_the_rows_that_they_have_alone(
         for name, values in there.result.curves.items():
             if np.asarray(values).dtype.kind == "f":
                 np.testing.assert_allclose(here.result.curves[name], values, atol=1e-4)
+
+
+def test_contingencies_of_other_topologies_are_handed_out_together() -> None:
+    lines = {"line_faults": "buses 1-12", "clearing_time": 0.1}
+    known = {"schema": 1, "contingencies": lines, "model": {"kind": "linear", "order": 20}}
+    study = parse_study(known)
+    offline, contingencies = do_offline_work(study, read_named(study, Path()))
+    prepared = prepare(offline)
+    tasks = [Task(item, check=False) for item in contingencies]
+    assert len(tasks) > 20
+    for workers, most in ((1, 8), (len(tasks), 4)):
+        batches = _batches(tasks, prepared, workers)
+        assert [task for batch in batches for task in batch] == tasks
+        assert all(len(batch) <= most for batch in batches)
+        assert len(batches) < 1.5 * len(tasks) / most + 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 
 from gridfold.dynamics.layout import Group, Layout, build_layout, frame_states
 from gridfold.dynamics.model import DetailedModel
@@ -44,16 +45,32 @@ class PortCoordinates:
 
     def lift_rows(self, v: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:
         """The states at the positions `index` alone, (..., len(index)), from v, (..., n)."""
-        n_exact = len(self.exact_index)
-        place = np.empty(n_exact + len(self.area_index), dtype=np.int64)
-        place[self.exact_index] = np.arange(n_exact)
-        place[self.area_index] = n_exact + np.arange(len(self.area_index))
-        at = place[index]
-        linear = at >= n_exact
+        n_exact, at, linear = self._places(index)
         x = np.empty((*v.shape[:-1], len(index)))
         x[..., ~linear] = v[..., at[~linear]]
         x[..., linear] = self.states.lift_rows(v[..., n_exact:], at[linear] - n_exact)
         return x
+
+    def affine_rows(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], csr_array]:
+        """The states at the positions `index` (m,) as origin + slopes @ v: shapes (m,) and (m, n)."""
+        n_exact, at, linear = self._places(index)
+        exact, area, r = np.flatnonzero(~linear), np.flatnonzero(linear), self.states.order
+        origin = np.zeros(len(index))
+        origin[area] = self.states.reference[at[area] - n_exact]
+        rows = np.concatenate([exact, np.repeat(area, r)])
+        columns = np.concatenate([at[exact], np.tile(n_exact + np.arange(r), len(area))])
+        slopes = self.states.lift_matrix[at[area] - n_exact]
+        values = np.concatenate([np.ones(len(exact)), slopes.ravel()])
+        shape = len(index), n_exact + r
+        return origin, csr_array(coo_array((values, (rows, columns)), shape=shape))
+
+    def _places(self, index: NDArray[np.int64]) -> tuple[int, NDArray[np.int64], NDArray[np.bool_]]:
+        """Number of exact states; places of states among these and the area's; which are the area's."""
+        n_exact = len(self.exact_index)
+        place = np.empty(n_exact + len(self.area_index), dtype=np.int64)
+        place[self.exact_index] = np.arange(n_exact)
+        place[self.area_index] = n_exact + np.arange(len(self.area_index))
+        return n_exact, place[index], place[index] >= n_exact
 
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The state v nearest to the whole model's state x: z = T (x - x0)."""

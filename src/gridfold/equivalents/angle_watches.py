@@ -131,7 +131,7 @@ class AngleWatches:
             return BandWatch(rows, offset, limit, inside, steps)
         used = np.flatnonzero(rows.any(axis=0))
         origin, slopes = self._small.rows(used)
-        matrix = rows[:, used] @ slopes.T
+        matrix = np.ascontiguousarray(rows[:, used] @ slopes)
         return BandWatch(matrix, rows[:, used] @ origin + offset, limit, inside, steps)
 
 

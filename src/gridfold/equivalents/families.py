@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from gridfold.cards import Card, first_few
 from gridfold.dynamics.area_model import (
@@ -24,6 +25,7 @@ from gridfold.dynamics.area_model import (
 )
 from gridfold.dynamics.equilibrium import Equilibrium
 from gridfold.dynamics.model import DetailedModel
+from gridfold.dynamics.port_model import PortCoordinates
 from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.model_kind import ReducerKind
 from gridfold.errors import OptionError
@@ -64,11 +66,8 @@ class SmallModel:
         origin = self.coordinates.lift(np.zeros(size))
         return origin, self.coordinates.lift(np.eye(size)) - origin
 
-    def rows(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Those of `affine` at the positions `index` alone: shapes (m,) and (r, m)."""
-        if not lifts_rows(self.coordinates):
-            origin, slopes = self.affine
-            return origin[index], slopes[:, index]
+    def rows(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], csr_array]:
+        """The states at the positions `index` (m,) as origin + slopes @ v: shapes (m,) and (m, r)."""
         return affine_rows(self.coordinates, self.system.compiled.n_states, index)
 
     @cached_property
@@ -82,16 +81,19 @@ class SmallModel:
 
 def affine_rows(
     coordinates: Coordinates | None, size: int, index: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The whole system's states at `index` (m,) as origin + v @ slopes, from v (size,)."""
+) -> tuple[NDArray[np.float64], csr_array]:
+    """The whole system's states at `index` (m,) as origin + slopes @ v, from v (size,)."""
     if coordinates is None:
-        return np.zeros(len(index)), np.eye(size)[:, index]
+        ones, begins = np.ones(len(index)), np.arange(len(index) + 1)
+        return np.zeros(len(index)), csr_array((ones, index, begins), shape=(len(index), size))
+    if isinstance(coordinates, PortCoordinates):
+        return coordinates.affine_rows(index)
     zero, unit = np.zeros(size), np.eye(size)
     if lifts_rows(coordinates):
         origin = coordinates.lift_rows(zero, index)
-        return origin, coordinates.lift_rows(unit, index) - origin
+        return origin, csr_array((coordinates.lift_rows(unit, index) - origin).T)
     origin = coordinates.lift(zero)[index]
-    return origin, coordinates.lift(unit)[:, index] - origin
+    return origin, csr_array((coordinates.lift(unit)[:, index] - origin).T)
 
 
 class Mode(Enum):

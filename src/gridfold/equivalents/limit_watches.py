@@ -139,7 +139,7 @@ def _box(small: SmallModel, limits: StateLimits) -> BoxWatch | None:
     np.minimum.at(upper, place[highest], ends[highest])
     np.maximum.at(lower, place[~highest], ends[~highest])
     origin, slopes = small.rows(index)
-    return BoxWatch(np.ascontiguousarray(slopes.T), lower - origin, upper - origin)
+    return BoxWatch(slopes.toarray(), lower - origin, upper - origin)
 
 
 def passed_notices(phases: Iterable[Mapping[str, float]]) -> list[Notice]:

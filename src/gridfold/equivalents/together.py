@@ -218,7 +218,7 @@ class _Together:
         if key not in self.lifts:
             n = segment.system.compiled.n_states
             origin, slopes = affine_rows(coordinates, n, index)
-            self.lifts[key] = RowLift.of(origin, slopes.T), segment
+            self.lifts[key] = RowLift.of(origin, slopes), segment
         return self.lifts[key][0]
 
     def _with_voltages(self, run: Trajectory) -> Trajectory:

@@ -45,8 +45,9 @@ from gridfold.study.team import Team
 from gridfold.study.trust import code_record, require_trust
 from gridfold.study.work import Progress, Stage, StudyRun, Work
 
-#: Most contingencies of a topology, and most that advance together: a kill loses those handed out.
-_LARGEST_BATCH, _MOST_TOGETHER = 4, 128
+#: Most contingencies on reduced models of other topologies that are handed out at once where each runs
+#: by itself, and most that advance together: a kill loses those handed out.
+_MOST_MOVED, _MOST_TOGETHER = 4, 128
 #: Contingencies that are handed to a GPU at once.
 _ON_GPU = 1024
 #: States times steps of those that advance together, some seconds of one core.
@@ -237,7 +238,7 @@ def _rounds(
 
 
 def _batches(tasks: list[Task], prepared: Prepared, workers: int) -> list[Batch]:
-    """Tasks that advance together, or that lead to one topology, whose models are built once."""
+    """Tasks that advance together; with reduced models those of one topology, built once, in a row."""
     if prepared.small is None:
         return _cut(tasks, _together(len(tasks), prepared, workers))
     case, t_end = prepared.model.case, prepared.study.run.t_end
@@ -245,12 +246,22 @@ def _batches(tasks: list[Task], prepared: Prepared, workers: int) -> list[Batch]
     def last(task: Task) -> Topology:
         return topology(build_timeline(case, task.contingency.events, t_end)[-1].state, case)
 
+    most = _MOST_MOVED
+    if why_one_by_one(prepared) is None:
+        most = max(_MOST_MOVED, min(WIDTH, -(-len(tasks) // max(workers, 1))))
     batches: list[Batch] = []
+    moved: list[Task] = []
     for key, together in groupby(tasks, key=last):
         members = list(together)
-        size = _LARGEST_BATCH if key else _together(len(members), prepared, workers)
-        batches += _cut(members, size)
-    return batches
+        if not key:
+            batches += _cut(members, _together(len(members), prepared, workers))
+            continue
+        for few in _cut(members, most):
+            if len(moved) + len(few) > most:
+                batches.append(tuple(moved))
+                moved = []
+            moved += few
+    return [*batches, tuple(moved)] if moved else batches
 
 
 def _cut(tasks: list[Task], size: int) -> list[Batch]:

@@ -25,7 +25,6 @@ from gridfold.grid.events import Event
 from gridfold.io.study_store import Result
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.deadline import time_limit
-from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import FEWEST_TOGETHER, simulate_batch, why_single
 from gridfold.runs.clearing import ClearingTime, critical_clearing_time
@@ -93,8 +92,7 @@ def solve_batch(prepared: Prepared, batch: Batch, models: Models = None) -> tupl
     """
     known: dict[int, Solved] = {}
     notices: list[str] = []
-    fewest = FEWEST_TOGETHER if prepared.small is None else WIDTH
-    if len(batch) >= fewest and why_one_by_one(prepared) is None:
+    if len(batch) >= FEWEST_TOGETHER and why_one_by_one(prepared) is None:
         if prepared.on_gpu and models is None:
             notices += _on_gpu(prepared, batch, known)
         if len(known) < len(batch) and (notices or models is not None or not prepared.on_gpu):

@@ -104,11 +104,10 @@ class RowLift:
     slopes: NDArray[np.float64]
 
     @classmethod
-    def of(cls, origin: NDArray[np.float64], slopes: NDArray[np.float64]) -> RowLift:
-        """From a dense matrix of slopes, (m, r)."""
-        sparse = csr_array(slopes)
-        begins, columns = sparse.indptr.astype(np.int64), sparse.indices.astype(np.int64)
-        return cls(origin, begins, columns, sparse.data)
+    def of(cls, origin: NDArray[np.float64], slopes: csr_array) -> RowLift:
+        """From a sparse matrix of slopes, (m, r)."""
+        begins, columns = slopes.indptr.astype(np.int64), slopes.indices.astype(np.int64)
+        return cls(origin, begins, columns, slopes.data)
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
