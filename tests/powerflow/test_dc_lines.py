@@ -143,6 +143,12 @@ def test_a_blocked_line_draws_nothing(change):
     assert thyristor_flow(replace(LINE, **change), 1.03, 0.98).power_mva == (0j, 0j)
 
 
+def test_converters_that_commutate_without_an_end_have_no_operating_point():
+    many = replace(LINE, rectifier=replace(LINE.rectifier, bridges=10**30))
+    with pytest.raises(gf.PowerFlowError, match="commutation takes"):
+        thyristor_flow(many, 1.03, 0.98)
+
+
 def test_a_line_that_cannot_carry_its_power_is_named():
     with pytest.raises(gf.PowerFlowError, match='dc line "D": no current carries 9000 MW'):
         thyristor_flow(replace(LINE, setting=-9000.0), 1.03, 0.98)

@@ -67,7 +67,9 @@ def with_swings_behind_dc(case: Case) -> tuple[Case, list[str]]:
     def island(bus: int) -> int:
         return int(labels[case.bus_index[bus]])
 
-    fed = {island(bus) for line in case.dc_lines if line.in_service for bus in line.buses}
+    lines = [line for line in case.dc_lines if line.in_service]
+    ends = {bus for line in lines for bus in line.buses} & case.bus_index.keys()
+    fed = {island(bus) for bus in ends}
     live = [unit for unit in case.generators if unit.in_service]
     fed -= {island(unit.bus) for unit in live if unit.control is Control.SLACK}
     units, texts = list(case.generators), []

@@ -42,10 +42,12 @@ from gridfold.grid.case import Case
 from gridfold.grid.validation import validate_case
 from gridfold.io.matpower_file import read_matpower
 from gridfold.io.powerio_records import Extras, convert_network
-from gridfold.io.raw_beside import annotate, extras_of, skipped
+from gridfold.io.raw_beside import annotate, extras_of, skipped, transformer_line
 from gridfold.io.raw_codes import check_codes
 from gridfold.io.raw_dc import TWO_TERMINAL, VSC, read_dc_lines
 from gridfold.io.raw_fields import INNER_QUOTE
+from gridfold.io.raw_left_out import SECTIONS as LOOKED_AT
+from gridfold.io.raw_left_out import left_out
 from gridfold.io.raw_records import complete_records
 from gridfold.io.raw_revision import check_revision, find_revision
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
@@ -64,6 +66,7 @@ _SECTIONS = {  # sections of a RAW file by powerio's table
     "hvdc": (TWO_TERMINAL,),
 }
 _NOT_NEEDED = {"ZONE", "OWNER", "INTER-AREA TRANSFER", "MULTI-SECTION LINE", "SUBSTATION", VSC}
+_NOT_NEEDED |= {*LOOKED_AT}
 _COUNTED = {  # names of sections whose records are counted for people
     "BUS": "buses",
     "LOAD": "loads",
@@ -150,6 +153,7 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
         codes = check_codes(replace(sections, text=records.text), revision, path.name)
         threshold, unset = joining_threshold(sections)
         dc_lines = read_dc_lines(records.dc_records)
+        live, idle = left_out(sections)
         if faults := [*unset, *records.faults, *codes.faults, *dc_lines.faults]:
             raise CaseFileError(faults, str(path))
         data, diagnostics = _parse(records.text, "psse", path, replace(sections, text=records.text))
@@ -160,12 +164,13 @@ def _read_raw(text: str, path: Path, wanted: int | None) -> Case:
         raise CaseFileError([*error.faults, *sections.doubts], str(path), error.advice) from error
     return replace(
         case,
-        unsupported=(*_unsupported_findings(diagnostics), *case.unsupported),
+        unsupported=(*_unsupported_findings(diagnostics, sections), *live, *case.unsupported),
         notices=(
             *sections.doubts,
             *notices,
             *records.notices,
             *skipped(sections),
+            *idle,
             *case.notices,
         ),
         doubts=tuple(codes.doubts),
@@ -239,7 +244,9 @@ def _matpower_counts(data: Mapping[str, Any]) -> dict[str, int]:
     }
 
 
-def _unsupported_findings(diagnostics: Sequence[powerio.Diagnostic]) -> list[str]:
+def _unsupported_findings(
+    diagnostics: Sequence[powerio.Diagnostic], sections: RawSections | None = None
+) -> list[str]:
     lines = []
     for finding in diagnostics:
         section = re.match(r"PSS/E (.+) section \((\d+) record line", finding.message)
@@ -247,7 +254,7 @@ def _unsupported_findings(diagnostics: Sequence[powerio.Diagnostic]) -> list[str
             count = "1 record line" if section[2] == "1" else f"{section[2]} record lines"
             lines.append(f"{section[1]} section: {count}")
         elif not section and finding.code not in _HARMLESS:
-            lines.append(finding.message)
+            lines.append(finding.message + transformer_line(finding.message, sections))
     return lines
 
 

@@ -228,8 +228,8 @@ def _add_generators(draft: Draft) -> None:
         if unit.in_service and BLANK_FIELDS in row:
             for name in row[BLANK_FIELDS] | ({"MBASE"} if not float(row["mbase"]) else set()):
                 defaulted[name].append(unit)
-        if float(own.get("psse_rt", 0.0)) or float(own.get("psse_xt", 0.0)):
-            draft.unsupported.append(f"{unit}: step-up transformer within the generator")
+        if unit.in_service and (float(own.get("psse_rt", 0.0)) or float(own.get("psse_xt", 0.0))):
+            draft.unsupported.append(f"{unit} ({place}): step-up transformer within the generator")
     draft.notices += _blank_notices(defaulted)
     for unit, place in units:
         draft.add(with_part(unit, at_bus[unit.bus]), place)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +11,7 @@ from gridfold.io.powerio_branches import JOINS, LINE_CHARGING
 from gridfold.io.powerio_records import BLANK_FIELDS, OWNER, Extras
 from gridfold.io.raw_dc import DcLines
 from gridfold.io.raw_records import CompleteRecords
-from gridfold.io.raw_sections import RawSections
+from gridfold.io.raw_sections import THREE_WINDING, RawSections, fields_of
 
 
 def annotate(data: Mapping[str, Any], records: CompleteRecords, threshold: float) -> None:
@@ -49,3 +50,17 @@ def skipped(sections: RawSections) -> list[str]:
     return [
         f"substations with their nodes are not read ({nodes} lines): buses are as in the BUS section"
     ]
+
+
+def transformer_line(message: str, sections: RawSections | None) -> str:
+    """The line of the transformer that powerio speaks of, as ``(line 12)``."""
+    named = re.search(r'transformer (\d+)-(\d+)-(\d+) id "(.*?)"', message)
+    if sections is None or named is None:
+        return ""
+    texts = sections.text.split("\n")
+    for number in sections.of("TRANSFORMER", THREE_WINDING):
+        fields = [item.text.strip().removeprefix("-") for item in fields_of(texts[number - 1])[:4]]
+        buses = [text or "0" for text in fields[:3]]
+        if buses == [*named.groups()][:3] and (fields[3:] or ["1"])[0] == named[4].strip():
+            return f" (line {number})"
+    return ""

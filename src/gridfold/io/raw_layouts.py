@@ -35,12 +35,15 @@ class Column:
         Whether there is no default at all.
     is_text : bool
         Whether it holds a text.
+    least : int or None
+        Least value of a whole number; None where any number has a meaning.
     """
 
     name: str
     default: str | Base | None = None
     needed: bool = False
     is_text: bool = False
+    least: int | None = None
 
 
 Layout = tuple[Column, ...]
@@ -76,6 +79,9 @@ _TRANSISTORS = (
     "IBUS! TYPE! MODE=1 DCSET=0 ACSET=1 ALOSS=0 BLOSS=0 MINLOSS=0 SMAX=0 IMAX=0 PWF=1 MAXQ=9999 "
     "MINQ=-9999 REMOT=0"
 )
+_TEXTS_WITHOUT_QUOTES = ("METER",)
+#: Numbers of buses, and of what buses belong to, with their least value.
+_LEAST = {"I": 1, "J": 1, "K": 0, "AREA": 0, "ZONE": 0, "OWNER": 0, "IREG": 0, "SWREM": 0}
 _BASES = {"SBASE": Base.SYSTEM, "WINDING": Base.WINDING}
 #: Last revision with shunts in the records of buses, and without the metered end of lines.
 OLD_UNTIL = 30
@@ -128,4 +134,6 @@ def _layout(text: str) -> Layout:
 def _column(item: str) -> Column:
     name, given, default = item.partition("=")
     value: str | Base | None = _BASES.get(default, default) if given else None
-    return Column(name.strip("'!"), value, name.endswith("!"), name.startswith("'"))
+    bare = name.strip("'!")
+    is_text = name.startswith("'") or bare in _TEXTS_WITHOUT_QUOTES
+    return Column(bare, value, name.endswith("!"), is_text, _LEAST.get(bare))

@@ -9,10 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 
 from gridfold.io.raw_dc import TWO_TERMINAL, VSC, DcRecord
-from gridfold.io.raw_fields import Field, is_integer, plain_number, plain_real, split_fields
+from gridfold.io.raw_fields import (
+    Field,
+    as_number,
+    is_integer,
+    plain_number,
+    plain_real,
+    split_fields,
+)
 from gridfold.io.raw_layouts import WRITTEN_SINCE, Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
 from gridfold.io.raw_windings import refer_to_buses
@@ -33,6 +40,8 @@ _WHAT = {
     TWO_TERMINAL: "a two-terminal dc line",
     VSC: "a VSC dc line",
 }
+#: Largest number of a bus that the rest of the program can hold.
+LARGEST_NUMBER = 2**31 - 1
 _IN_KILOVOLTS = "2"  # CW
 #: Records of branches, in which a minus before a bus number says where power is metered.
 _METERED = ("BRANCH", "TRANSFORMER", THREE_WINDING, "SYSTEM SWITCHING DEVICE")
@@ -122,6 +131,11 @@ class _Writer:
                     f"{name} of the header is blank: {float(_HEADER[name]):g} {unit}"
                 )
         values = {name: given[name] or default for name, default in _HEADER.items()}
+        for name in _UNITS:
+            value = as_number(values[name])
+            if value is None or not 0 < value < inf:
+                fault = f"{name} of the header is {values[name]}; it must be a positive number"
+                self.done.faults.append(f"line {self.sections.header}: {fault}")
         self.base_mva = values["SBASE"]
         self.lines[self.sections.header - 1] = ",".join(values.values())
 
@@ -141,10 +155,8 @@ class _Writer:
             fields = part or []
             given = _by_column(layout, fields)
             blanks |= {column.name for column in layout if given[column].blank}
-            for column in layout:
-                if column.needed and given[column].blank:
-                    what = f"{column.name} of {_WHAT[section]} is blank, and it has no default"
-                    self.done.faults.append(f"line {number}: {what}")
+            faults = (_fault(column, given[column], section) for column in layout)
+            self.done.faults += [f"line {number}: {fault}" for fault in faults if fault]
             defaults = {Base.SYSTEM: self.base_mva, Base.WINDING: self._ratio(parts[0] or [], k)}
             written.append({c.name: _complete(c, given[c], defaults) for c in layout})
             rests.append([_number(item) for item in fields[len(layout) :]])
@@ -224,6 +236,25 @@ class _Writer:
         except ValueError as error:
             self.done.faults.append(f"line {number}: {error}")
             return None
+
+
+def _fault(column: Column, given: Field, section: str) -> str:
+    """What is wrong with a field; empty where nothing is."""
+    name = f"{column.name} of {_WHAT[section]}"
+    if given.blank:
+        return f"{name} is blank, and it has no default" if column.needed else ""
+    if column.is_text:
+        return ""
+    value = as_number(given.text)
+    if value is None or not isfinite(value):
+        return f"{name} is no number: {given.text.strip()}"
+    if column.least is None:
+        return ""
+    if section in _METERED and column.name in _ENDS:
+        value = abs(value)
+    if value.is_integer() and column.least <= value <= LARGEST_NUMBER:
+        return ""
+    return f"{name} is {given.text.strip()}; it must be a whole number of {column.least} or more"
 
 
 def _by_column(layout: Layout, fields: Sequence[Field]) -> dict[Column, Field]:

@@ -68,9 +68,12 @@ THREE_WINDING = "THREE-WINDING TRANSFORMER"
 SYSTEM_WIDE = "SYSTEM-WIDE"
 _NEEDED = {SYSTEM_WIDE, *_ORDER[: _ORDER.index("AREA")]}  # a file without Q must reach beyond
 _TITLE_LINES = 2
-_SWITCHING_DEVICES_SINCE = 34
+_SETTING = re.compile(r"\s*(GENERAL|GAUSS|NEWTON|ADJUST|TYSL|SOLVER|RATING)\s*,")
+_SWITCHING_DEVICES_SINCE = _SYSTEM_WIDE_SINCE = 34
 _OLD_ORDER_UNTIL = 30
 _THREE_LINES = ("TWO-TERMINAL DC", "VSC DC LINE")
+_COUNTED_LINES = ("MULTI-TERMINAL DC", "GNE")
+_VALUES_A_LINE = 10
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def find_sections(text: str, revision: int = 0) -> RawSections:
             section = following or section
             ended = section not in _NEEDED
         elif not _is_blank(line):
-            if section == SYSTEM_WIDE and re.match(r"\s*[\d,]", line):
+            if section == SYSTEM_WIDE and _begins_buses(line, revision):
                 section = "BUS"
             name, length = _record(line, section)
             record = _lines_of_record(lines, position, length)
@@ -182,9 +185,16 @@ def _after_titles(lines: Sequence[str], header: int) -> int:
     return next((k for k in range(header + 1, end) if _introduced(lines[k])), end)
 
 
+def _begins_buses(line: str, revision: int) -> bool:
+    """Whether a line of the section of settings is the first bus, which may have a wrong number."""
+    if 0 < revision < _SYSTEM_WIDE_SINCE:
+        return _SETTING.match(line) is None
+    return re.match(r"\s*[\d,]", line) is not None
+
+
 def _reads_as_record(line: str) -> bool:
     """Whether a line of title looks like a bus or like a setting of the system."""
-    if re.match(r"\s*(GENERAL|GAUSS|NEWTON|ADJUST|TYSL|SOLVER|RATING)\s*,", line):
+    if _SETTING.match(line):
         return True
     fields = fields_of(line)
     return (
@@ -250,11 +260,26 @@ def _record(line: str, section: str) -> tuple[str, int]:
     """Section under which a record is counted, and its number of lines."""
     if section in _THREE_LINES:
         return section, 3
+    if section in _COUNTED_LINES:
+        return section, 1 + _counted(fields_of(line), section)
     if section != "TRANSFORMER":
         return section, 1
     fields = fields_of(line)
     third = fields[2].text.strip() if len(fields) > 2 else ""
     return (section, 4) if third in ("", "0") else (THREE_WINDING, 5)
+
+
+def _counted(fields: Sequence[Field], section: str) -> int:
+    """Lines that the first one of a record announces."""
+    if section == "MULTI-TERMINAL DC":  # converters, dc buses and dc links, a line each
+        return sum(_count(fields, place) for place in (1, 2, 3))
+    first = 3 + _count(fields, 2)  # numbers, whole numbers and texts, ten a line, behind the buses
+    return sum(-(-_count(fields, place) // _VALUES_A_LINE) for place in range(first, first + 3))
+
+
+def _count(fields: Sequence[Field], place: int) -> int:
+    text = fields[place].text.strip() if place < len(fields) else ""
+    return int(text) if re.fullmatch(r"\d{1,6}", text) else 0
 
 
 def _lines_of_record(lines: Sequence[str], position: int, length: int) -> list[int]:

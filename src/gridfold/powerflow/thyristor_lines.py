@@ -78,7 +78,13 @@ class _Bridge:
         if overlap < 1e-6:  # rad
             return complex(active, abs(active) * sin(angle) / max(abs(cosine), _ROUNDING))
         above = 2 * overlap + sin(2 * angle) - sin(2 * after)
-        return complex(active, abs(active) * above / (cos(2 * angle) - cos(2 * after)))
+        spread = cos(2 * angle) - cos(2 * after)
+        if spread <= 0:
+            raise PowerFlowError(
+                f"the converter of a dc line at bus {self.end.bus} has no operating point: its "
+                f"commutation takes {overlap * 180 / pi:.1f} degrees"
+            )
+        return complex(active, abs(active) * above / spread)
 
 
 def thyristor_flow(line: ThyristorLine, rectifier_pu: float, inverter_pu: float) -> DcFlow:
