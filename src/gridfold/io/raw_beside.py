@@ -28,9 +28,11 @@ def annotate(data: Mapping[str, Any], records: CompleteRecords, threshold: float
         row[BLANK_FIELDS] = blanks
         row["regulated_bus"] = bus_number(bus)  # powerio drops one that is not in the file
     fixed = len(data["shunts"]) - len(records.held_by_shunts)
-    for row, bus in zip(data["shunts"][fixed:], records.held_by_shunts, strict=True):
+    shunts = zip(data["shunts"][fixed:], records.held_by_shunts, records.shunt_blocks, strict=True)
+    for row, bus, blocks in shunts:
         if row.get("control"):
             row["control"]["control_bus"] = bus_number(bus)
+            row["control"]["blocks"] = [{"steps": steps, "b": mvar} for steps, mvar in blocks]
 
 
 def extras_of(dc_lines: DcLines, records: CompleteRecords, file: str) -> Extras:

@@ -14,6 +14,7 @@ from gridfold.grid.doubts import Doubt, Usual, doubt_of
 from gridfold.io.raw_fields import as_number
 from gridfold.io.raw_layouts import layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, fields_of
+from gridfold.io.raw_shunts import block_faults
 
 _STATUS = ("0", "1")
 _UNITS = {"CW": ("1", "2", "3"), "CZ": ("1", "2", "3"), "CM": ("1", "2")}
@@ -78,6 +79,7 @@ def check_codes(sections: RawSections, revision: int, file: str) -> RawCodes:
                     found.faults.append(
                         f"line {number}: {name} of a {section.lower()} is {text}; its codes are {known}"
                     )
+    found.faults += block_faults(sections, revision)
     slack = {
         bus.get("I") for _, bus in _records(sections, "BUS", revision) if bus.get("IDE") == "3"
     }

@@ -22,6 +22,7 @@ from gridfold.io.raw_fields import (
 )
 from gridfold.io.raw_layouts import WRITTEN_SINCE, Base, Column, Layout, layouts
 from gridfold.io.raw_sections import THREE_WINDING, RawSections
+from gridfold.io.raw_shunts import blocks_in_service
 from gridfold.io.raw_windings import refer_to_buses
 
 _HEADER = {"IC": "0", "SBASE": "100.0", "REV": "33", "XFRRAT": "0", "NXFRAT": "0", "BASFRQ": "60.0"}
@@ -67,6 +68,8 @@ class CompleteRecords:
         Fields of each generator that were blank.
     regulated, held_by_shunts : list of str
         Field IREG of each generator, and SWREM of each switched shunt.
+    shunt_blocks : list of tuple of (int, float)
+        Steps and Mvar a step of the blocks in service of each switched shunt.
     bus_shunts : list of (int, Mapping)
         Line and fields of each bus record that holds a shunt, up to revision 30.
     dc_records : list of DcRecord
@@ -84,6 +87,7 @@ class CompleteRecords:
     blanks: list[frozenset[str]] = field(default_factory=list)
     regulated: list[str] = field(default_factory=list)
     held_by_shunts: list[str] = field(default_factory=list)
+    shunt_blocks: list[tuple[tuple[int, float], ...]] = field(default_factory=list)
     bus_shunts: list[tuple[int, Mapping[str, str]]] = field(default_factory=list)
     dc_records: list[DcRecord] = field(default_factory=list)
     owners: list[int] = field(default_factory=list)
@@ -166,6 +170,8 @@ class _Writer:
         if section in ("TRANSFORMER", THREE_WINDING):
             refer_to_buses(written, self.kilovolts)
         self._remember(section, record, written, blanks)
+        if section == "SWITCHED SHUNT":
+            self.done.shunt_blocks.append(blocks_in_service(rests[0], self.revision))
         for number, completed, rest, layout in zip(
             record, written, rests, self.written[section], strict=False
         ):
