@@ -49,6 +49,10 @@ SLIPS = {
     "always NaN": ("dx[X.amplifier, i] = float('nan')", r"\(amplifier\) is never a finite number"),
     "always infinite": ("dx[X.amplifier, i] = x[0, i] * 1e308 * 1e308", r"is never a finite number"),
     "a division by zero": ("dx[X.amplifier, i] = 1 / 0", r"ZeroDivisionError"),
+    "a quotient by zero that is clipped": (
+        "dx[X.amplifier, i] = min((1 / (x[0, i] - x[0, i])).real, 1.0)",
+        r"divide by zero encountered",
+    ),
     "an unknown name": ("dx[X.amplifier, i] = gone", r"NameError: name 'gone' is not defined"),
     "an unknown row": ("dx[X.gone, i] = 0.0", r"AttributeError: .*'gone'"),
     "complex numbers compared": (

@@ -67,7 +67,15 @@ def test_before_it_a_block_is_steps_and_mvar_and_the_first_without_ends_them(
 
 @pytest.mark.parametrize(
     ("written", "revision"),
-    [("99999999,10.0", 33), ("1.5,10.0", 33), ("-2,10.0", 33), ("x,10.0", 33), ("1,1e30,10.0", 35)],
+    [
+        ("99999999,10.0", 33),
+        ("1.5,10.0", 33),
+        ("-2,10.0", 33),
+        ("x,10.0", 33),
+        ("nan,10.0", 33),
+        ("1e999,10.0", 33),
+        ("1,1e30,10.0", 35),
+    ],
 )
 def test_steps_that_cannot_be_counted_are_a_fault_with_their_line(written, revision, tmp_path):
     with pytest.raises(

@@ -276,6 +276,16 @@ def test_streamed_and_whole_runs_with_relays_have_the_same_rows(npcc, tmp_path):
     np.testing.assert_allclose(written, run.frame().to_numpy(), rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("relay", [gf.DistanceRelay("2-3", 2), gf.OutOfStepRelay("2-3", 3)])
+def test_a_relay_of_a_branch_without_impedance_has_no_reach(alone, relay):
+    coupler = gf.Branch(2, 3)
+    case = replace(
+        alone.case, buses=(*alone.case.buses, gf.Bus(3)), branches=(*alone.case.branches, coupler)
+    )
+    with pytest.raises(gf.EventError, match=r"relay of branch 2-3 at .* has no impedance"):
+        gf.simulate(gf.build_model(case), [relay], 1.0)
+
+
 @pytest.mark.parametrize(
     ("relay", "message"),
     [

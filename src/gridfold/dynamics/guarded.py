@@ -136,8 +136,12 @@ def run_guarded(
     stage: str,
     kernel: Kernel,
     matrices: dict[str, NDArray[Any]],
+    may_divide_by_zero: bool = True,
 ) -> dict[str, GuardedMatrix]:
     """Run the kernel of a stage; `matrices` are x, u, p and y, from which y is set further.
+
+    A division by zero is no value where it `may_divide_by_zero` not: compiled for complex numbers a
+    kernel ends there, whatever becomes of the quotient.
 
     Returns
     -------
@@ -153,7 +157,7 @@ def run_guarded(
     """
     guarded = _matrices(device, stage, matrices)
     try:
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore", divide="ignore" if may_divide_by_zero else "raise"):
             kernel(*guarded.values())
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, ArithmeticError) or "math domain" in str(error):

@@ -117,7 +117,13 @@ class _Trial:
                 name: rows.astype(dtype) for name, rows in given.items()
             }
             with self.watch.watching(), redirect_stdout(StringIO()):
-                matrices = run_guarded(self.device, self.stage, self.kernel, typed)
+                matrices = run_guarded(
+                    self.device,
+                    self.stage,
+                    self.kernel,
+                    typed,
+                    may_divide_by_zero=not point.is_ordinary,
+                )
         except NoNumberError as error:
             self.no_number = self.no_number or str(error)
             self.failed += point.is_ordinary

@@ -110,11 +110,13 @@ class OutOfStepRelay(Relay):
 
 
 def _end_of(case: Case, branch: str, bus: int, where: str) -> tuple[int, int]:
-    """Position of a branch in service, and its end at a bus."""
+    """Position of a branch with an impedance, and its end at a bus."""
     position, _ = find_branch(case, branch, where)
     ends = _ends(case, position)
     if bus not in ends:
         raise EventError(f"{where}: its ends are buses {ends[0]} and {ends[1]}")
+    if case.branches[position].joins:
+        raise EventError(f"{where}: the branch has no impedance, of which reaches are parts")
     return position, ends.index(bus)
 
 

@@ -81,7 +81,7 @@ _TRANSISTORS = (
 )
 _TEXTS_WITHOUT_QUOTES = ("METER",)
 #: Numbers of buses, and of what buses belong to, with their least value.
-_LEAST = {"I": 1, "J": 1, "K": 0, "AREA": 0, "ZONE": 0, "OWNER": 0, "IREG": 0, "SWREM": 0}
+_LEAST = {"I": 1, "J": 1, "K": 0, "AREA": 0, "ZONE": 0, "OWNER": 0, "IREG": 0, "SWREM": 0, "ISW": 0}
 _BASES = {"SBASE": Base.SYSTEM, "WINDING": Base.WINDING}
 #: Last revision with shunts in the records of buses, and without the metered end of lines.
 OLD_UNTIL = 30

@@ -7,6 +7,7 @@ Operation Manual, switched shunt data.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isfinite
 
 from gridfold.io.raw_fields import as_number
 from gridfold.io.raw_layouts import layouts
@@ -26,7 +27,7 @@ def blocks_in_service(texts: Sequence[str], revision: int) -> tuple[tuple[int, f
     for at in range(0, len(values), width):
         block = [*values[at : at + width], None, None][:width]
         steps, mvar = block[-2] or 0.0, block[-1] or 0.0
-        if not (steps and mvar):
+        if not (steps and mvar and isfinite(steps)):  # what is no number is told elsewhere
             break
         if not with_status or block[0] != 0:
             blocks.append((int(steps), mvar))
@@ -34,7 +35,7 @@ def blocks_in_service(texts: Sequence[str], revision: int) -> tuple[tuple[int, f
 
 
 def block_faults(sections: RawSections, revision: int) -> Iterator[str]:
-    """Numbers of steps of the blocks of switched shunts, which stand behind the fields of the layout."""
+    """Numbers of steps of the blocks of switched shunts that cannot be counted, each with its line."""
     lines = sections.text.split("\n")
     first = len(layouts(revision)["SWITCHED SHUNT"][0])
     with_status = revision >= _STATUS_SINCE
