@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from device_alone import named
 from row_of_areas import row_of_areas
 
@@ -157,3 +158,19 @@ def test_equilibrium_after_a_loss_of_load_turns_their_frames_with_the_rotors():
     turning = model.layout.angle_states()
     np.testing.assert_allclose(rates[turning], found.rate, rtol=0, atol=1e-7)
     assert np.abs(np.delete(rates, turning)).max() < 1e-7
+
+
+def test_a_load_that_gives_no_current_at_the_start_has_no_port_of_its_own():
+    load = gf.UnitKey(35, "load-1")
+    kept = [unit for unit in parts().external_units if unit.bus >= 31 and unit != load]
+    area = gf.fold(parts(), kept)
+    assert load not in area.ports.units
+    assert np.abs(area.area.current).min() > 1.0
+    assert worst_deg(run_with(area).trajectory) < 1.0
+
+
+def test_loads_alone_are_no_linear_machines():
+    loads = {gf.UnitKey(35, "load-1")}
+    machines = [unit for unit in parts().external_units if unit not in loads]
+    with pytest.raises(gf.OptionError, match="all external machines are retained"):
+        gf.fold(parts(), machines)

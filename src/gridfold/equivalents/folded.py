@@ -51,7 +51,7 @@ from gridfold.grid.case import UnitKey
 from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition.port_area import PortArea, interface_weights, linearize_ports
-from gridfold.partition.ports import Ports, find_ports
+from gridfold.partition.ports import Ports, feeding_units, find_ports
 from gridfold.reduction import BalancedTruncation, Reducer
 from gridfold.systems.dense import DenseSystem
 from gridfold.systems.descriptor import DescriptorSystem
@@ -319,7 +319,7 @@ def fold(
         )
     kept = tuple(unit for unit in parts.external_units if unit in set(retained))
     linear = [unit for unit in parts.external_units if unit not in set(kept)]
-    if not linear:
+    if not feeding_units(parts.model).intersection(linear):
         raise OptionError("all external machines are retained: none is left to be linear")
     if not parts.states_of(linear):
         raise OptionError(

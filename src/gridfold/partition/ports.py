@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
+from gridfold.dynamics.descriptor import node_currents
 from gridfold.dynamics.model import DetailedModel
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
+
+#: Current in p.u. that is none.
+_NO_CURRENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,8 @@ class Ports:
     inside : frozenset of int
         Bus numbers behind the ports, which only linear machines share.
     units : tuple of UnitKey
-        The linear machines, in order of the case's generators; they stand inside or at ports.
+        The linear machines, in order of the case's generators; they stand inside or at ports. What
+        gives no current at the start, such as a load that follows the frequency, stands inside.
     study : frozenset of int
         Bus numbers of the study area, where loads stay as they are.
     """
@@ -54,8 +59,8 @@ def find_ports(model: DetailedModel, linear: Collection[UnitKey], study: Collect
     """
     case = model.case
     wanted = set(linear)
-    units = tuple(u for u in model.units if u in wanted)
-    far = {case.bus_index[unit.bus] for unit in units}
+    feeding = feeding_units(model)
+    far = {case.bus_index[unit.bus] for unit in wanted & feeding}
     near = {case.bus_index[bus] for bus in study}
     near |= {case.bus_index[u.bus] for u in model.units if u not in wanted}
     if not far or not near:
@@ -65,12 +70,20 @@ def find_ports(model: DetailedModel, linear: Collection[UnitKey], study: Collect
         raise OptionError("nothing joins the linear machines to the rest of the system")
     inside = _behind(_branches(model), cut, far)
     numbers = [bus.number for bus in case.buses]
+    behind = frozenset(numbers[k] for k in np.flatnonzero(inside))
     return Ports(
         tuple(numbers[k] for k in np.flatnonzero(cut)),
-        frozenset(numbers[k] for k in np.flatnonzero(inside)),
-        units,
+        behind,
+        tuple(u for u in model.units if u in wanted and (u in feeding or u.bus in behind)),
         frozenset(study),
     )
+
+
+def feeding_units(model: DetailedModel) -> set[UnitKey]:
+    """Units that give a current at the start, by which ports are measured: machines, not all loads."""
+    currents = np.abs(node_currents(model, model.x0)).max(axis=0).toarray().ravel()
+    live = np.flatnonzero(currents > _NO_CURRENT)
+    return {model.layout.source_units[k] for k in live}
 
 
 def _branches(model: DetailedModel) -> csr_array:
