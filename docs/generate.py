@@ -20,8 +20,9 @@ import command_pages
 import gallery
 
 import gridfold
-from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Scaling
+from gridfold.dynamics.device import Bound, Device, Limit, Parameter, Role, Scaling
 from gridfold.dynamics.limiting import limit_symbol
+from gridfold.dynamics.own_models import record_names
 from gridfold.dynamics.registry import DEVICES
 from gridfold.dynamics.typical_data import LARGE, MEDIUM, TYPICAL
 from gridfold.dynamics.usual_values import ORDERS, RANGES
@@ -518,6 +519,14 @@ def _record_places(device: Device) -> dict[str, int]:
     return {name: k for k, name in enumerate(device.psse_record, start=1) if name}
 
 
+def _other_names(device: Device) -> str:
+    """Further names of the record; those of user-written models with U1 at their end."""
+    others = [name for name in record_names(device) if name != device.model.upper()]
+    if not others or device.role is Role.LOAD:
+        return ""
+    return f" {', '.join(others)} {'has' if len(others) == 1 else 'have'} the same numbers."
+
+
 def _record(device: Device) -> str:
     """The PSS/E record with the symbols of its numbers."""
     symbols = {parameter.name: parameter.symbol for parameter in device.parameters}
@@ -528,6 +537,7 @@ def _record(device: Device) -> str:
     return (
         "The column DYR counts the numbers behind the id in a PSS/E record."
         + unused
+        + _other_names(device)
         + "\n\n```text\n"
         + "\n".join(lines)
         + "\n```\n"

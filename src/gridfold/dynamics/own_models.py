@@ -17,6 +17,8 @@ Devices = Mapping[str, Device] | Iterable[Device] | Device
 
 #: What a machine takes from the generator where its record lacks it.
 _FROM_GENERATOR = ("resistance", "reactance")
+#: End of the names of PSS/E's own models that were user-written ones until revision 33.
+_ONCE_USER_WRITTEN = "U1"
 _TUPLES = ("states", "inputs", "sources", "outputs", "set_points", "targets", "solved_inputs")
 #: What the other devices of a unit take from one of a role.
 _GIVES = {
@@ -84,9 +86,14 @@ def answering(devices: Mapping[str, Device]) -> dict[str, Device]:
 
 
 def answering_user_written(devices: Mapping[str, Device]) -> dict[str, Device]:
-    """The same for user-written records: a user's own models, whatever names PSS/E has."""
-    own = (device for device in devices.values() if is_own(device))
-    return {name: device for device in own for name in record_names(device)}
+    """The same for user-written records: a user's own models, and PSS/E's of wind and sun until 33."""
+    ordered = sorted(devices.values(), key=is_own)
+    return {
+        name: device
+        for device in ordered
+        for name in record_names(device)
+        if is_own(device) or name.endswith(_ONCE_USER_WRITTEN)
+    }
 
 
 def own_notices(used: Mapping[str, int], devices: Iterable[Device]) -> Iterator[str]:

@@ -210,6 +210,8 @@ REECA1 = Device(
             for k in range(1, 5)
         ),
     ),
+    psse_names=("REECA1", "REECAU1"),
     psse_record=DYR_COLUMNS,
+    psse_icons=6,
     psse_measured=(0,),
 )

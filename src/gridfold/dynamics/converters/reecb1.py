@@ -85,6 +85,8 @@ REECB1 = Device(
     guess=electrical.guess,
     check=checks(electrical.PARAMETERS, ordered=electrical.ORDERED, more=[electrical.codes]),
     limits=electrical.LIMITS,
+    psse_names=("REECB1", "REECBU1"),
     psse_record=DYR_COLUMNS,
+    psse_icons=5,
     psse_measured=(0,),
 )

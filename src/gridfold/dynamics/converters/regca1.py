@@ -192,5 +192,7 @@ REGCA1 = Device(
         Limit("reactive_rise_rate", Side.HIGHEST),
         Limit("reactive_fall_rate", Side.LOWEST),
     ),
+    psse_names=("REGCA1", "REGCAU1"),
     psse_record=DYR_COLUMNS,
+    psse_icons=1,
 )

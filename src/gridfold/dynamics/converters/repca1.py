@@ -235,6 +235,8 @@ REPCA1 = Device(
         *limits("lowest_power_error", "highest_power_error"),
         *limits("lowest_power", "highest_power"),
     ),
+    psse_names=("REPCA1", "REPCTA1", "REPCAU1", "REPCTAU1"),
     psse_record=DYR_COLUMNS,
+    psse_icons=7,
     psse_measured=(0, 1),
 )

@@ -49,5 +49,6 @@ WTARA1 = Device(
     solved_inputs=("pitch_angle",),
     defaults={"aerodynamics_start": 0.0},
     guess=guess,
+    psse_names=("WTARA1", "WTARAU1"),
     psse_record=DYR_COLUMNS,
 )

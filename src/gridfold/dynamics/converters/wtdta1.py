@@ -100,5 +100,6 @@ WTDTA1 = Device(
     defaults={"generator_speed": 1.0, "drive_train_start": 0.0},
     guess=guess,
     check=checks(PARAMETERS, more=[share]),
+    psse_names=("WTDTA1", "WTDTAU1"),
     psse_record=DYR_COLUMNS,
 )

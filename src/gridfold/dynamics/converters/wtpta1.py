@@ -91,5 +91,6 @@ WTPTA1 = Device(
         *limits("lowest_pitch", "highest_pitch", state="pitch_angle"),
         *limits("lowest_pitch_rate", "highest_pitch_rate"),
     ),
+    psse_names=("WTPTA1", "WTPTAU1"),
     psse_record=DYR_COLUMNS,
 )

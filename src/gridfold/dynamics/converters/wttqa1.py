@@ -153,5 +153,7 @@ WTTQA1 = Device(
     resolve=resolve,
     check=checks(PARAMETERS, ordered=[("lowest_torque", "highest_torque")], more=[codes]),
     limits=limits("lowest_torque", "highest_torque"),
+    psse_names=("WTTQA1", "WTTQAU1"),
     psse_record=DYR_COLUMNS,
+    psse_icons=1,
 )

@@ -117,5 +117,6 @@ IEESGO = Device(
     guess=guess,
     check=checks(PARAMETERS, ordered=[("lowest_valve", "highest_valve")], more=[leads]),
     limits=limits("lowest_valve", "highest_valve"),
+    psse_names=("IEESGO", "IEEESGO"),
     psse_record=DYR_COLUMNS,
 )
