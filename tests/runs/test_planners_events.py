@@ -174,6 +174,7 @@ def test_a_parameter_on_another_base_is_given_as_in_files():
         (gf.SetParameter(1, "inertia", -1.0), "it must be positive, not -1"),
         (gf.SetParameter(1, "inertia", change=-H), "it must be positive, not 0"),
         (gf.SetParameter(1, "speed_reference", 1.0), "no device of the unit has it"),
+        (gf.SetParameter(1, "h", 4.0), "h of unit 1:1: it is called inertia here"),
         (
             gf.SetParameter(1, "highest_valve", -1.0),
             "lowest_valve VMIN is above highest_valve VMAX",

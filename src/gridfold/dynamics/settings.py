@@ -22,6 +22,13 @@ from gridfold.powerflow.result import PowerFlowResult
 
 #: Name of the reference of a governor's speed, and of the reference that it moves.
 SPEED_REFERENCE, POWER_REFERENCE = "speed_reference", "power_reference"
+#: What PSS/E calls references.
+_REFERENCES = (
+    ("VREF", "voltage_reference"),
+    ("GREF", POWER_REFERENCE),
+    ("PREF", POWER_REFERENCE),
+    ("WREF", SPEED_REFERENCE),
+)
 #: Part of a difference between two starts that rounding may make.
 _SAME = 1e-12
 
@@ -101,8 +108,21 @@ def _find(layout: Layout, setting: Setting) -> tuple[int, int]:
     if found:
         models = " and ".join(b.device.model for _, b in found)
         raise EventError(f"{where}: {models} have it; say which by model")
+    meant = [name for _, b in own for name in _by_symbol(b.device, setting.name)]
+    if meant:
+        raise EventError(f"{where}: it is called {' or '.join(dict.fromkeys(meant))} here")
     known = "; ".join(f"{b.device.model}: {', '.join(_names(b.device))}" for _, b in own)
     raise EventError(f"{where}: no device of the unit has it; known: {known or 'nothing'}")
+
+
+def _by_symbol(device: Device, symbol: str) -> list[str]:
+    """Names of what a device's page, or PSS/E, has under a symbol."""
+    symbols = [
+        *_REFERENCES,
+        *((parameter.symbol, parameter.name) for parameter in device.parameters),
+    ]
+    wanted, settable = symbol.casefold(), _names(device)
+    return [name for known, name in symbols if known.casefold() == wanted and name in settable]
 
 
 def _row_and_value(
