@@ -353,12 +353,13 @@ def test_every_kind_of_record_comes_back(tmp_path, path):
 
 
 def records_of_psse(in_network):
-    """For each model of PSS/E a device with other values for each parameter."""
+    """For each model of PSS/E a device with other values for each parameter, ICONs whole."""
     for device in DEVICES.values():
         if device.psse_record:
             names = [parameter.name for parameter in device.parameters]
+            icons = device.psse_record[: device.psse_icons]
             values = {
-                n: 0.5 + k
+                n: k + (0.0 if n in icons else 0.5)
                 for k, n in enumerate(names)
                 if n in device.psse_record or n in in_network
             }
