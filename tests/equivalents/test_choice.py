@@ -133,7 +133,6 @@ def test_machines_are_retained_by_norm_by_buses_or_by_their_rank(parts, swings):
     norm = float(np.sort(coupling.norms)[-2])
     assert RetainSettings(norm).choose(parts, swings) == coupling.kept(norm)
     assert len(coupling.kept(norm)) == 2
-    assert RetainSettings().choose(parts, swings) == coupling.kept(1.0)
     assert RetainSettings(buses="22,31").choose(parts, swings) == (
         gf.UnitKey(22, "1"),
         gf.UnitKey(31, "1"),
@@ -263,3 +262,11 @@ def test_the_record_of_a_ladder_tells_its_rungs_and_what_a_step_takes(ladder):
     assert [rung["used"] for rung in record["rungs"]] == [False, False, True]
     alone = ModelSettings(ModelKind.RETAINED)
     assert "angle_deg" not in alone.record(alone.adopt(ladder))
+
+
+def test_no_more_than_half_of_the_machines_are_retained_if_nothing_is_asked_for(parts, swings):
+    """Here three of four external machines have norms above 1 p.u."""
+    norms = dict(zip(couple(parts).units, couple(parts).norms, strict=True))
+    assert len(RetainSettings(column_norm=1.0).choose(parts, swings)) == 3
+    chosen = RetainSettings().choose(parts, swings)
+    assert set(chosen) == set(sorted(norms, key=norms.get)[2:])

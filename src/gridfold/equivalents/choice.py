@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
+import numpy as np
+
 from gridfold.dynamics.area_model import BoundaryCoupling
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.families import (
@@ -85,6 +87,8 @@ _RETAINED = "external machines to be retained"
 class RetainSettings:
     """Which external machines stay nonlinear: from a column norm (p.u.), at buses, or the best few.
 
+    If nothing is given those from 1 p.u. on do, of which there are to be no more than half.
+
     Machines at buses are given as a text (:mod:`gridfold.grid.selection_text`), such as ``42,50`` or
     ``area:2``; each part of it has to have one.
     """
@@ -112,7 +116,10 @@ class RetainSettings:
             return tuple(unit for unit in among if unit in chosen)
         if self.count is not None:
             return rank_retained(parts, swings).first(self.count) if self.count else ()
-        return couple(parts).kept(COLUMN_NORM if self.column_norm is None else self.column_norm)
+        coupling = couple(parts)
+        if self.column_norm is not None:
+            return coupling.kept(self.column_norm)
+        return coupling.kept(max(COLUMN_NORM, float(np.median(coupling.norms))))
 
 
 @dataclass(frozen=True)
