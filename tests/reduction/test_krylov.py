@@ -7,13 +7,15 @@ from hypothesis import strategies as st
 from linear_systems import peak_error
 from reduction.external_area import external_descriptor
 from reduction.sparse_systems import random_descriptor
+from scipy.sparse import block_diag, hstack, vstack
 
 from gridfold import build_model, load_case
 from gridfold.errors import OptionError
 from gridfold.partition import partition
 from gridfold.reduction import BalancedTruncation, SingularPerturbation
 from gridfold.reduction.krylov import compress
-from gridfold.reduction.petrov import Bases
+from gridfold.reduction.petrov import Bases, Directions, reals
+from gridfold.reduction.true_modes import no_part
 
 FREQUENCIES = 1j * np.geomspace(1e-3, 1e3, 90)
 
@@ -90,7 +92,7 @@ def test_inputs_that_act_alike_cost_nothing():
     )  # fmt: skip
     found = compress(twice).system.transfer(FREQUENCIES)
     np.testing.assert_allclose(found[:, :, 1], 2 * found[:, :, 0], rtol=1e-8, atol=1e-12)
-    assert Bases.empty(twice).b.shape[1] == 1
+    assert Bases.empty(twice, no_part(twice.n)).b.shape[1] == 1
 
 
 def test_system_without_effect_is_compressed_to_nothing():
@@ -99,18 +101,71 @@ def test_system_without_effect_is_compressed_to_nothing():
     assert compress(idle).system.n == 0
 
 
-def test_bases_that_do_not_meet_are_united():
-    full = random_descriptor(6, 12, 4, 1, 1)
-    unit = np.eye(12)
-    empty = Bases.empty(full)
-    assert empty.extended(unit[:, :2], unit[:, 2:4]).k == 0
-    found = empty.united(unit[:, :2], unit[:, 2:4])
-    assert found.k == 4
-    np.testing.assert_allclose(found.w.T @ found.v, np.eye(4), atol=1e-14)
-    expected = np.linalg.eigvals(full.dense().a[:4, :4])
-    np.testing.assert_allclose(
-        np.sort_complex(np.linalg.eigvals(found.middle)), np.sort_complex(expected), atol=1e-12
+def sampled_bases(system, points, level=0.0):
+    """Bases of all that samples at j `points` give, and X and Y formed."""
+    bases = Bases.empty(system, no_part(system.n))
+    b, c = bases.b, bases.c
+    for s in 1j * np.array(points):
+        x, y = system.at(s).solve(b), system.at(s).solve_adjoint(c.T)
+        u, z = np.eye(len(c)) + 0j, np.eye(b.shape[1]) + 0j
+        bases = bases.extended(Directions.at(s, c @ x, u, z), x, y, level)
+    return bases, *(np.hstack([reals(block) for block in found]) for found in (bases.x, bases.y))
+
+
+def test_overlaps_of_samples_follow_from_the_transfer_matrix():
+    full = random_descriptor(6, 30, 8, 2, 2)
+    bases, x, y = sampled_bases(full, [0.3, 1.0, 4.0])
+    assert x.shape == (30, 12)
+    np.testing.assert_allclose(bases.overlap, y.T @ x, rtol=0, atol=1e-13 * abs(y.T @ x).max())
+    v, w = (basis.times(np.eye(bases.k)) for basis in (bases.v, bases.w))
+    np.testing.assert_allclose(w.T @ v, np.eye(bases.k), atol=1e-9)
+    np.testing.assert_allclose(bases.v.inner(y), v.T @ y, atol=1e-12)
+    a = np.linalg.solve(w.T @ v, w.T @ full.apply(v))
+    np.testing.assert_allclose(bases.reduced.a, a, atol=1e-7 * abs(a).max())
+    np.testing.assert_allclose(bases.reduced.b, w.T @ bases.b, atol=1e-9 * abs(w).max())
+    np.testing.assert_allclose(bases.reduced.c, bases.c @ v, atol=1e-9 * abs(v).max())
+
+
+def test_projection_onto_samples_has_their_transfer_matrix():
+    full = random_descriptor(9, 40, 8, 2, 2)
+    points = [0.2, 0.9, 3.0]
+    bases, _, _ = sampled_bases(full, points)
+    expected = np.array([bases.c @ full.at(1j * p).solve(bases.b) for p in points])
+    found = bases.reduced.transfer(1j * np.array(points))
+    np.testing.assert_allclose(found, expected, atol=1e-9 * abs(expected).max())
+
+
+def test_directions_below_the_level_wait_for_others():
+    full = random_descriptor(9, 40, 8, 2, 2)
+    every, _, _ = sampled_bases(full, [0.2, 0.9, 3.0])
+    few, _, _ = sampled_bases(full, [0.2, 0.9, 3.0], level=0.05 * every.values[0])
+    assert 0 < few.k < every.k
+    np.testing.assert_allclose(few.values[: few.k], every.values[: few.k], rtol=0.05)
+
+
+def test_random_combinations_stand_for_many_inputs_and_outputs():
+    full = random_descriptor(4, 60, 20, 9, 8)
+    bases = Bases.empty(full, no_part(full.n), most=5)
+    assert (bases.b.shape, bases.c.shape) == ((60, 5), (5, 60))
+    assert np.linalg.matrix_rank(np.hstack([full.b, bases.b])) == 9
+
+
+def test_slow_mode_far_below_the_fastest_is_not_missed():
+    fast = random_descriptor(2, 200, 10, 1, 1)
+    scale = 1e-7 * fast.radius
+    a11 = block_diag([fast.a11, [[-scale]]])
+    slow = type(fast)(
+        a11,
+        vstack([fast.a12, np.zeros((1, 10))]),
+        hstack([fast.a21, np.zeros((10, 1))]),
+        fast.a22,
+        np.vstack([fast.b1, [[scale]]]),
+        fast.b2,
+        np.hstack([fast.c, [[1e-6]]]),
     )
+    found = compress(slow, 2e-9).system.transfer(1j * np.geomspace(1e-2, 1e2, 30) * scale)
+    expected = slow.dense().transfer(1j * np.geomspace(1e-2, 1e2, 30) * scale)
+    np.testing.assert_allclose(found, expected, atol=1e-8 * size_of(slow.dense()))
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-3, np.nan])

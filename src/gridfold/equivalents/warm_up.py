@@ -6,9 +6,12 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.device import batch_kernel, compiled_kernel
-from gridfold.dynamics.model import build_model
+from gridfold.dynamics.model import DetailedModel, build_model
 from gridfold.dynamics.network import LoadModel, NetworkBackend
 from gridfold.dynamics.registry import DEVICES
 from gridfold.equivalents.adaptive import simulate_adaptive
@@ -105,7 +108,14 @@ def _run_detailed() -> None:
             for stepper in (RungeKutta4(), AdamsBashforthMoulton4(), ImplicitTrapezoidal()):
                 simulate(model, [_FAULT], _T_END, stepper)
     small_signal(build_model(case))
+    _solve_sparse(build_model(case))
     list(simulate_batch(build_model(case), [[_FAULT]], _T_END, RungeKutta4()))
+
+
+def _solve_sparse(model: DetailedModel) -> None:
+    resolvent, rhs = grid_descriptor(model, model.x0).at(1j), np.zeros((model.n_states, 1))
+    resolvent.solve(rhs)
+    resolvent.solve_adjoint(rhs)
 
 
 def _run_reduced(settings: ModelSettings) -> None:

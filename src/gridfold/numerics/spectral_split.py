@@ -46,6 +46,22 @@ class InvariantPart:
         """Dimension k of the subspace."""
         return len(self.matrix)
 
+    def states(self, z: Matrix) -> Matrix:
+        """Full states, shape (n, ...), of coordinates `z`, shape (k, ...)."""
+        return self.lift @ z
+
+    def coordinates(self, x: Matrix) -> Matrix:
+        """Coordinates, shape (k, ...), of full states `x`, shape (n, ...)."""
+        return self.restrict @ x
+
+    def rows(self, t: Matrix) -> Matrix:
+        """What `t`, shape (r, k), does to coordinates, as done to full states: shape (r, n)."""
+        return t @ self.restrict
+
+    def outputs(self, c: Matrix) -> Matrix:
+        """What `c`, shape (p, n), does to full states, as done to coordinates: shape (p, k)."""
+        return c @ self.lift
+
 
 def split_spectrum(
     a: Matrix, margin: float = STABILITY_MARGIN

@@ -114,7 +114,7 @@ class BalancedSystem:
         r = rule.choose(balance.values, self.system, parts.kept)
         lift, restrict = balance.projection(slice(0, r))
         if include is not None:
-            lift, restrict = balance.extended(lift, restrict, parts.stable.restrict @ include)
+            lift, restrict = balance.extended(lift, restrict, parts.stable.coordinates(include))
         reduced = LinearSystem(restrict @ stable.a @ lift, restrict @ stable.b, stable.c @ lift)
         found = _finish(parts, reduced, lift, restrict, balance.values, reference)
         if include is not None:

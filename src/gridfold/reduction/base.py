@@ -12,6 +12,7 @@ from scipy import linalg
 from gridfold.errors import OptionError
 from gridfold.numerics.spectral_split import InvariantPart, split_spectrum
 from gridfold.reduction.krylov import compress
+from gridfold.reduction.petrov import SpannedPart
 from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
 from gridfold.systems.statemap import StateMap
@@ -71,7 +72,7 @@ class Parts:
 
     whole: LinearSystem | DescriptorSystem
     unstable: InvariantPart
-    stable: InvariantPart
+    stable: InvariantPart | SpannedPart
 
     @classmethod
     def of(cls, system: LinearSystem | DescriptorSystem) -> Parts:
@@ -90,7 +91,7 @@ class Parts:
     def stable_system(self) -> LinearSystem:
         """The stable part on its own, without feed-through."""
         part = self.stable
-        return LinearSystem(part.matrix, part.restrict @ self.whole.b, self.whole.c @ part.lift)
+        return LinearSystem(part.matrix, part.coordinates(self.whole.b), part.outputs(self.whole.c))
 
     def join(self, reduced: LinearSystem, lift: Matrix, restrict: Matrix) -> _Joined:
         """Put the kept part and the `reduced` stable part together again.
@@ -99,8 +100,9 @@ class Parts:
         two parts do not see each other, so the joint A is block-diagonal.
         """
         kept, whole = self.unstable, self.whole
-        full_lift = np.hstack([kept.lift, self.stable.lift @ lift])
-        full_restrict = np.vstack([kept.restrict, restrict @ self.stable.restrict])
+        full_lift = np.hstack([kept.lift, self.stable.states(lift)])
+        full_restrict = np.vstack([kept.restrict, self.stable.rows(restrict)])
+        full_restrict = np.linalg.solve(full_restrict @ full_lift, full_restrict)
         system = LinearSystem(
             linalg.block_diag(kept.matrix, reduced.a) if kept.order else reduced.a,
             np.vstack([kept.restrict @ whole.b, reduced.b]),

@@ -3,9 +3,9 @@
 Two-sided tangential rational interpolation. A sample at j omega solves (j omega I - A) X = B and
 measures the error E = C X - G_k of what there is. Its singular vectors with values above the
 tolerance are the directions in which the bases may grow, V by X z_i and W by
-(j omega I - A)^-H C^T u_i. Of all directions of a round of samples those with the largest Hankel
-singular values are taken. Where to sample next is told by the difference between the last two models
-and by the gaps between samples. Unstable modes are split off exactly.
+(j omega I - A)^-H C^T u_i. Of all directions of all samples those with the largest Hankel singular
+values are taken. Where to sample next is told by the difference between the last two models and by
+the gaps between samples. Unstable modes are split off exactly.
 
 Source: K. Gallivan, A. Vandendorpe, P. Van Dooren, "Model Reduction of MIMO Systems via Tangential
 Interpolation", SIAM Journal on Matrix Analysis and Applications 26 (2004), pp. 328-349.
@@ -17,17 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from gridfold.errors import OptionError
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.spectral_split import STABILITY_MARGIN, InvariantPart
-from gridfold.reduction.petrov import Bases, real_columns
+from gridfold.reduction.petrov import Bases, Directions, SpannedPart, reals
 from gridfold.reduction.sampling import Spectrum, first_points, next_points, widths
 from gridfold.reduction.true_modes import no_part, refined, stable_rest
 from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
+ComplexMatrix = NDArray[np.complex128]
 
 #: Part of the tolerance below which a direction of the error is left alone.
 _LEFT_ALONE = 0.3
@@ -35,14 +37,15 @@ _LEFT_ALONE = 0.3
 #: Hankel singular value of the error, in parts of the tolerance, below which the bases do not grow.
 _DROPPED = 0.02
 
-#: Tolerance at which unstable modes are looked for first.
-_COARSE = 0.1
+#: Tolerance at which unstable modes are looked for first, with so many inputs and outputs.
+_COARSE, _FEW = 0.1, 5
 
 #: Rounds of samples; and times that unstable modes may come up.
 _ROUNDS, _PASSES = 40, 6
 
-#: Relative error that is accepted where rounding leaves no better one.
-_ROUNDING = 1e-8
+#: Relative error that is accepted where rounding leaves no better one; and rounds in which bases do not
+#: grow before it is.
+_ROUNDING, _IDLE = 1e-8, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,38 +56,40 @@ class Compressed:
     ----------
     whole : DescriptorSystem
         What was compressed.
-    unstable, stable : InvariantPart
-        The unstable or marginal modes, true ones of the whole, and the projected rest.
+    unstable : InvariantPart
+        The unstable or marginal modes, true ones of the whole.
+    stable : SpannedPart
+        The projected rest.
     error : float
         Largest error of the transfer matrix at the last samples, in parts of its size.
     """
 
     whole: DescriptorSystem
     unstable: InvariantPart
-    stable: InvariantPart
+    stable: SpannedPart
     error: float
 
     @property
     def system(self) -> LinearSystem:
         """The compressed system of k states, the unstable modes first."""
         kept, rest, whole = self.unstable, self.stable, self.whole
-        a = np.zeros((kept.order + rest.order,) * 2)
-        a[: kept.order, : kept.order] = kept.matrix
-        a[kept.order :, kept.order :] = rest.matrix
         return LinearSystem(
-            a, self.restrict @ whole.b, whole.c @ self.lift,
+            block_diag(kept.matrix, rest.matrix),
+            np.vstack([kept.coordinates(whole.b), rest.coordinates(whole.b)]),
+            np.hstack([kept.outputs(whole.c), rest.outputs(whole.c)]),
             input_names=whole.input_names, output_names=whole.output_names,
         )  # fmt: skip
 
     @property
     def lift(self) -> Matrix:
         """From states of the compressed system to full ones, shape (n, k)."""
-        return np.hstack([self.unstable.lift, self.stable.lift])
+        return np.hstack([self.unstable.lift, self.stable.states(np.eye(self.stable.order))])
 
     @property
     def restrict(self) -> Matrix:
         """From full states to those of the compressed system, shape (k, n); restrict lift = I."""
-        return np.vstack([self.unstable.restrict, self.stable.restrict])
+        rows = np.vstack([self.unstable.restrict, self.stable.rows(np.eye(self.stable.order))])
+        return np.asarray(np.linalg.solve(rows @ self.lift, rows), dtype=np.float64)
 
 
 @one_blas_thread
@@ -109,51 +114,32 @@ def compress(system: DescriptorSystem, tolerance: float = 1e-10) -> Compressed:
     if not 0 < tolerance < 1:
         raise OptionError(f"the tolerance of a compression must be between 0 and 1: {tolerance}")
     limit = -STABILITY_MARGIN * system.radius
-    exact, bases, wanted = no_part(system.n), Bases.empty(system), max(tolerance, _COARSE)
+    exact, wanted = no_part(system.n), max(tolerance, _COARSE)
     for _ in range(_PASSES):
-        bases, spectrum, error = _converged(bases, wanted)
+        few = None if wanted == tolerance else _FEW
+        bases, spectrum, error = _converged(Bases.empty(system, exact, few), wanted)
         more = refined(system, bases, spectrum.values, limit, exact)
         if more.order > exact.order:
             exact = more
-            bases = bases.without(exact)
         elif wanted == tolerance:
-            return _together(system, exact, stable_rest(bases, spectrum, limit), error)
+            return Compressed(system, exact, stable_rest(bases, spectrum, limit), error)
         wanted = tolerance
     raise OptionError("the unstable modes of a large system were not found")
-
-
-def _together(
-    system: DescriptorSystem, unstable: InvariantPart, stable: InvariantPart, error: float
-) -> Compressed:
-    """Both parts, with restrict lift = I to rounding."""
-    lift = np.hstack([unstable.lift, stable.lift])
-    restrict = np.vstack([unstable.restrict, stable.restrict])
-    restrict = np.asarray(np.linalg.solve(restrict @ lift, restrict), dtype=np.float64)
-    first, rest = restrict[: unstable.order], restrict[unstable.order :]
-    return Compressed(
-        system,
-        InvariantPart(unstable.matrix, unstable.lift, first),
-        InvariantPart(stable.matrix, stable.lift, rest),
-        error,
-    )
 
 
 def _converged(bases: Bases, tolerance: float) -> tuple[Bases, Spectrum, float]:
     """Sample until nothing above the tolerance is found where it is to be expected, and elsewhere."""
     radius = bases.system.radius
-    now, size = Spectrum.of(bases.reduced()), 0.0
-    points, sampled = first_points(radius), np.zeros(0)
+    now, size = Spectrum.of(bases.reduced), 0.0
+    points, sampled, idle = first_points(radius), np.zeros(0), 0
     for _ in range(_ROUNDS):
         sampled = np.append(sampled, points)
         grown, size, error = _sampled(bases, now, points, size, tolerance)
-        before, bases, same = now, grown, grown.k == bases.k
-        now = now if same else Spectrum.of(bases.reduced())
-        if error <= tolerance * size and len(sampled) > len(points):
+        idle = 0 if grown.k > bases.k else idle + 1
+        before, now = now, now if grown is bases else Spectrum.of(grown.reduced)
+        bases, accepted = grown, tolerance if idle < _IDLE else max(tolerance, _ROUNDING)
+        if error <= accepted * size and len(sampled) > len(points):
             return bases, now, error / size if size else 0.0
-        if same and error > tolerance * size:
-            if error > max(tolerance, _ROUNDING) * size:
-                break
-            return bases, now, error / size
         points = next_points(now, before, sampled, radius, tolerance * size)
     raise OptionError(
         f"a large system was not compressed to {tolerance:g}: the error is {error / size:.1e}"
@@ -164,24 +150,23 @@ def _sampled(
     bases: Bases, model: Spectrum, points: Matrix, size: float, tolerance: float
 ) -> tuple[Bases, float, float]:
     """Bases after samples at `points` in rad/s, size of the transfer matrix, largest error."""
-    worst, reached, duals = 0.0, [], []
+    worst = 0.0
+    found: list[tuple[Directions, ComplexMatrix, ComplexMatrix]] = []
     for omega, width, known in zip(points, widths(points), model.response(points), strict=True):
         resolvent = bases.system.at(1j * omega)
         states = resolvent.solve(bases.b)
-        response = bases.c @ states
+        response = (bases.c @ reals(states)).view(np.complex128)
         size = max(size, float(np.linalg.norm(response, 2)))
         left, errors, right = np.linalg.svd(response - known)
         count = int(np.count_nonzero(errors > _LEFT_ALONE * tolerance * size))
         worst = max(worst, float(errors[0]) if len(errors) else 0.0)
         if count:
             weight = np.sqrt(width / np.pi)
-            dual = resolvent.solve_adjoint(bases.c.T @ left[:, :count])
-            duals.append(real_columns(weight * dual))
-            reached.append(real_columns(weight * (states @ right[:count].conj().T)))
-    if not duals:
+            u, z = weight * left[:, :count], weight * right[:count].conj().T
+            dual = resolvent.solve_adjoint(bases.c.T @ u)
+            found.append((Directions.at(1j * omega, response, u, z), states @ z, dual))
+    if not found:
         return bases, size, worst
-    x, y, level = np.hstack(reached), np.hstack(duals), _DROPPED * tolerance * size
-    grown = bases.extended(x, y, level)
-    if grown.k == bases.k:
-        grown = bases.extended(x, y)
-    return (grown if grown.k > bases.k else bases.united(x, y)), size, worst
+    new, x, y = zip(*found, strict=True)
+    samples = Directions.joined(*new), np.hstack(x), np.hstack(y)
+    return bases.extended(*samples, _DROPPED * tolerance * size), size, worst

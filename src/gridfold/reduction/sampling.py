@@ -13,11 +13,12 @@ Matrix = NDArray[np.float64]
 ComplexMatrix = NDArray[np.complex128]
 
 #: First samples, and the grid on which models are compared, in parts of the largest eigenvalue.
-_FIRST = (1e-3, 0.01, 0.04, 0.12, 0.25, 0.45, 0.7, 1.0)
-_LOWEST, _HIGHEST, _GRID = 1e-4, 10.0, 240
+_FIRST = (1e-6, 1e-3, 0.01, 0.04, 0.12, 0.25, 0.45, 0.7, 1.0)
+_LOWEST, _HIGHEST, _GRID = 1e-6, 10.0, 300
 
-#: Samples a round where models differ, and in gaps between those before.
-_BATCH, _GAPS = 8, 4
+#: Samples a round where models differ: at least, and at most where they differ by more than is wanted;
+#: and in gaps between those before.
+_LEAST, _BATCH, _GAPS = 4, 12, 4
 
 #: Poles nearer to the axis than this part of their modulus count as peaks.
 _NEAR_AXIS = 0.2
@@ -60,9 +61,9 @@ class Spectrum:
         return cls(values.astype(np.complex128), system.c @ vectors, left, vectors)
 
     def sketched(self) -> Spectrum:
-        """The same seen in a few random directions of outputs and inputs."""
+        """The same seen in a few random directions; Frobenius norms are the same on average."""
         rng = np.random.default_rng(0)
-        outputs = rng.normal(size=(_DIRECTIONS, len(self.right)))
+        outputs = rng.normal(size=(_DIRECTIONS, len(self.right))) / _DIRECTIONS
         inputs = rng.normal(size=(self.left.shape[1], _DIRECTIONS))
         return replace(self, right=outputs @ self.right, left=self.left @ inputs)
 
@@ -89,18 +90,31 @@ def next_points(
 ) -> Matrix:
     """Frequencies in rad/s that tell whether the model `now` can be trusted, apart from `sampled`.
 
-    They are those where it differs most from the model `before`, the middles of the widest gaps
-    between samples, and unstable poles of the model whose terms reach `level`.
+    They are those where it differs most from the model `before`, more of them where by more than
+    `level`, the middles of the widest gaps between samples, and unstable poles of the model whose
+    terms reach `level`.
     """
     known = np.unique(np.clip(sampled, _LOWEST * radius, _HIGHEST * radius))
     widest = np.argsort(-np.diff(np.log(known)), kind="stable")[:_GAPS]
     middles = np.sqrt(known[widest] * known[widest + 1])
     doubtful = (now.values.real >= 0) & (now.values.imag >= 0) & (now.heights() > level)
     poles = np.maximum(now.values.imag[doubtful], _LOWEST * radius)[:_GAPS]
-    return np.unique(np.concatenate([_changed(now, before, sampled, radius), middles, poles]))
+    changed = _changed(now, before, sampled, radius, level)
+    return _apart(np.concatenate([changed, middles, poles]), sampled)
 
 
-def _changed(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float) -> Matrix:
+def _apart(points: Matrix, sampled: Matrix) -> Matrix:
+    """Those of `points` that are apart from `sampled` and from each other, in ascending order."""
+    chosen: list[float] = []
+    for point in points:
+        if (np.abs(np.append(sampled, chosen) / point - 1) > _APART).all():
+            chosen.append(point)
+    return np.sort(chosen)
+
+
+def _changed(
+    now: Spectrum, before: Spectrum, sampled: Matrix, radius: float, level: float
+) -> Matrix:
     """Frequencies in rad/s where the two models differ most."""
     omega = _grid(now, radius)
     omega = omega[(np.abs(omega[:, None] / sampled - 1) > _APART).all(axis=1)]
@@ -108,7 +122,8 @@ def _changed(now: Spectrum, before: Spectrum, sampled: Matrix, radius: float) ->
     height = np.nan_to_num(np.linalg.norm(gap, axis=(1, 2)))
     around = np.concatenate([[-1.0], height, [-1.0]])
     peaks = np.flatnonzero((height >= around[:-2]) & (height > around[2:]))
-    chosen = peaks[np.argsort(-height[peaks], kind="stable")][:_BATCH]
+    count = np.clip(np.count_nonzero(height[peaks] > level), _LEAST, _BATCH)
+    chosen = peaks[np.argsort(-height[peaks], kind="stable")][:count]
     return np.asarray(omega[chosen])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridfold.numerics.spectral_split import InvariantPart
-from gridfold.reduction.petrov import Bases
+from gridfold.reduction.petrov import Bases, SpannedPart
 from gridfold.reduction.sampling import Spectrum
 from gridfold.systems.descriptor import DescriptorSystem
 
@@ -42,8 +42,8 @@ def refined(
         shift = middle + _BESIDE * max(abs(middle), _BESIDE * system.radius)
         resolvent = system.at(shift)
         rng = np.random.default_rng(0)
-        right = (bases.v @ rng.normal(size=(bases.k, len(group)))).astype(np.complex128)
-        left = (bases.w @ rng.normal(size=(bases.k, len(group)))).astype(np.complex128)
+        right = bases.v.times(rng.normal(size=(bases.k, len(group)))).astype(np.complex128)
+        left = bases.w.times(rng.normal(size=(bases.k, len(group)))).astype(np.complex128)
         for _ in range(_STEPS):
             right = np.linalg.qr(resolvent.solve(right - exact.lift @ (exact.restrict @ right)))[0]
             left = left - exact.restrict.T @ (exact.lift.T @ left)
@@ -52,26 +52,24 @@ def refined(
     return exact
 
 
-def stable_rest(bases: Bases, spectrum: Spectrum, limit: float) -> InvariantPart:
+def stable_rest(bases: Bases, spectrum: Spectrum, limit: float) -> SpannedPart:
     """The projected system without its poles at `limit` and beyond.
 
     These are either those of the exact part or of no meaning. With their right and left
     eigenvectors R and L, the rest lives in the null space of L^T, along R.
     """
-    a, restrict = bases.middle, bases.w.T
+    a, unit, vectors = bases.reduced.a, np.eye(bases.k), spectrum.vectors
     wrong = np.flatnonzero((spectrum.values.real >= limit) & (spectrum.values.imag >= 0))
     if len(wrong) == 0:
-        return InvariantPart(a, bases.v, restrict)
-    unit = np.zeros((len(a), len(wrong)), dtype=np.complex128)
-    unit[wrong, np.arange(len(wrong))] = 1.0
+        return SpannedPart(a, unit, unit, bases.v, bases.w)
     pairs = spectrum.values[wrong].imag > 0
     left, right = (
         np.hstack([x.real, x.imag[:, pairs]])
-        for x in (np.linalg.solve(spectrum.vectors.T, unit), spectrum.vectors[:, wrong])
+        for x in (np.linalg.solve(vectors.T, unit[:, wrong] + 0j), vectors[:, wrong])
     )
     rest = np.linalg.qr(left, mode="complete")[0][:, left.shape[1] :]
     inner = rest.T - (rest.T @ right) @ np.linalg.solve(left.T @ right, left.T)
-    return InvariantPart(inner @ a @ rest, bases.v @ rest, inner @ restrict)
+    return SpannedPart(inner @ a @ rest, rest, inner, bases.v, bases.w)
 
 
 def _groups(values: NDArray[np.complex128], radius: float) -> list[NDArray[np.complex128]]:

@@ -15,6 +15,7 @@ from scipy.sparse import block_array, csc_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, SuperLU, eigs, splu
 
 from gridfold.errors import OptionError
+from gridfold.numerics.many_columns import solve_rows
 from gridfold.systems.linear import LinearSystem
 
 Matrix = NDArray[np.float64]
@@ -150,12 +151,12 @@ class DescriptorSystem:
         OptionError
             If `s` is an eigenvalue of A.
         """
-        matrix, unit, order = self._ordered
+        matrix, unit, rows = self._ordered
         try:
-            factors = splu(matrix - s * unit, permc_spec="NATURAL", **_FACTORS)
+            factors = splu(s * unit - matrix, permc_spec="NATURAL", **_FACTORS)
         except RuntimeError:
             raise OptionError(f"{s} is an eigenvalue of the system") from None
-        return Resolvent(factors, self.n, order)
+        return Resolvent(factors, rows)
 
     def transfer_once(self, s: float) -> Matrix:
         """C (s I - A)^-1 B at one real s in 1/s, (p, m), where no other will be asked for."""
@@ -170,14 +171,14 @@ class DescriptorSystem:
         """The bordered A and what stands for I, rows and columns in an order of little fill-in.
 
         Minimum degree of the pattern of M + M^T is best for grids: devices and buses are small
-        blocks near the diagonal. Row j of the ordered matrix is row order[j].
+        blocks near the diagonal. With them come the places of the states in that order.
         """
         matrix = block_array([[self.a11, self.a12], [self.a21, self.a22]], format="csc")
         unit = diags_array((np.arange(matrix.shape[0]) < self.n).astype(float), format="csc")
         away = matrix - 1j * max(self.radius, 1.0) * unit
         order = np.argsort(splu(away, permc_spec="MMD_AT_PLUS_A", **_FACTORS).perm_c)
         ordered, place = (csc_array(m[:, order].tocsr()[order]) for m in (matrix, unit))
-        return ordered, place, order
+        return ordered, place, np.argsort(order)[: self.n]
 
     def transfer(self, s: ArrayLike) -> NDArray[np.complex128]:
         """C (s I - A)^-1 B at the complex frequencies `s` in rad/s, shape (j,): shape (j, p, m)."""
@@ -209,28 +210,15 @@ class DescriptorSystem:
 
 @dataclass(frozen=True, eq=False)
 class Resolvent:
-    """Factors of s I - A, bordered by the algebraic equations."""
+    """Factors of s I - A, bordered by the algebraic equations; `rows` are those of the states."""
 
     factors: SuperLU
-    n: int
-    order: NDArray[np.int64]
+    rows: NDArray[np.int64]
 
     def solve(self, rhs: NDArray[Any]) -> NDArray[np.complex128]:
         """(s I - A)^-1 R for the columns of `rhs`, shape (n, j)."""
-        return self._solve(rhs, "N")
+        return solve_rows(self.factors, self.rows, rhs)
 
     def solve_adjoint(self, rhs: NDArray[Any]) -> NDArray[np.complex128]:
         """(s I - A)^-H R for the columns of `rhs`, shape (n, j)."""
-        return self._solve(rhs, "H")
-
-    def _solve(self, rhs: NDArray[Any], mode: str) -> NDArray[np.complex128]:
-        solution = np.empty(rhs.shape, dtype=np.complex128, order="F")
-        full = np.zeros((self.factors.shape[0], _BLOCK), dtype=np.complex128, order="F")
-        states = self.order < self.n
-        place = self.order[states]
-        for first in range(0, rhs.shape[1], _BLOCK):
-            block = slice(first, first + _BLOCK)
-            part = full[:, : rhs[:, block].shape[1]]
-            part[states] = -rhs[place, block]
-            solution[place, block] = self.factors.solve(part, mode)[states]
-        return solution
+        return solve_rows(self.factors, self.rows, rhs, adjoint=True)
