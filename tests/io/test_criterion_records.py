@@ -49,6 +49,12 @@ def test_a_criterion_is_given_by_kind_and_fields():
     [
         ("", "no such preset or kind"),
         ("voltage back to 0.9 within 2 s", "did you mean 'voltage back to 0.9 within 1 s'"),
+        ("voltage back to 0.9 within 2 s", "voltage-recovery level=0.9 within=1"),
+        ("frequency from 58 to 61 Hz", "frequency-band lowest_hz=59 highest_hz=61"),
+        (
+            "damping at least 3",
+            "did you mean 'damping at least 3 %'? With other numbers: damping percent=3",
+        ),
         ("voltage-dip", "voltage-dip needs level"),
         ("voltage-dip levl=0.8", "did you mean 'level'"),
         ("voltage-dip level=high", "level: 'high' is not a number"),

@@ -275,7 +275,7 @@ def new_record(statement: Statement, devices: Mapping[str, Device]) -> Record:
 
 
 def require_values(statement: Statement, record: Record) -> None:
-    """Raise an OptionError unless a statement gives the values for which a new record has no default."""
+    """Raise an OptionError unless a statement gives the values that have no default in a new record."""
     needed = _NEEDED.get(type(record), ())
     given = {field_name(type(record), name) for name, _ in statement.values} if needed else set()
     if missing := [f"{symbol} ({field})" for symbol, field in needed if field not in given]:

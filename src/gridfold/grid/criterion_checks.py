@@ -60,3 +60,8 @@ def _check(criterion: Criterion, case: Case, study: Collection[int] | None) -> N
         low, high = criterion.lowest_hz or 0.0, criterion.highest_hz or math.inf
         if not low < case.frequency_hz < high:
             raise OptionError(f"the band does not hold the {case.frequency_hz:g} Hz of {case.name}")
+        for name, ratio in (("lowest_hz", low), ("highest_hz", high)):
+            if getattr(criterion, name) is not None and not 0.5 < ratio / case.frequency_hz < 2:
+                raise OptionError(
+                    f"{name} is {ratio:g}, far from the {case.frequency_hz:g} Hz of {case.name}"
+                )
