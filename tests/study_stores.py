@@ -172,6 +172,25 @@ def watched() -> dict[str, Any]:
     }
 
 
+def legend_study(folder: Path) -> StudyStore:
+    """A finished study in which twelve curves of each of two kinds were watched."""
+    names = [f"p_mw:{k}-2002:1" for k in range(1001, 1013)]
+    names += [f"voltage_pu:{k}" for k in range(1001, 1013)]
+    times = np.linspace(0, 2, 41).astype(np.float32)
+    curves_of = {
+        "watched_names": np.array(names),
+        "watched_values": np.outer(np.arange(1.0, 25), times).astype(np.float32),
+        "watched_times": times,
+        "watched_left_out": np.array(0),
+    }
+    store = new_store(folder, 6)
+    first = unstable(1, 200.0)
+    store.add([first._replace(curves={**first.curves, **curves_of})])
+    store.add([stable(number, 30.0 + number) for number in range(2, 7)])
+    finish(store)
+    return store
+
+
 def small_study(folder: Path) -> StudyStore:
     """A finished study: a stable one that is checked, two unstable ones, a failed one, one more."""
     store = new_store(folder, 5)
