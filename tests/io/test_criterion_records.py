@@ -42,6 +42,8 @@ def test_a_preset_is_given_by_its_name(text):
 def test_a_criterion_is_given_by_kind_and_fields():
     found = parse_criterion("voltage-recovery level=0.9 within=1.5 buses=1-5,area:2")
     assert found == gf.VoltageRecovery(0.9, 1.5, buses="1-5,area:2")
+    found = parse_criterion("voltage-dip level=0.8 buses='area:1 except kv<100' longest=0.2")
+    assert found == gf.VoltageDip(0.8, 0.2, buses="area:1 except kv<100")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any, get_args, get_type_hints
 from gridfold.errors import GridfoldError, OptionError
 from gridfold.grid.criteria import CRITERIA, PRESETS, Criterion
 from gridfold.io.event_records import read_tables
-from gridfold.io.kind_records import from_mapping, kind_record
+from gridfold.io.kind_records import from_mapping, kind_record, unquoted, words_of
 from gridfold.io.tables import suggest
 
 
@@ -64,7 +64,7 @@ def parse_criterion(text: str) -> Criterion:
     where = f"criterion {text!r}"
     if (preset := " ".join(text.lower().replace("hz", "Hz").split())) in PRESETS:
         return PRESETS[preset]
-    kind, *words = text.split() or [""]
+    kind, *words = words_of(text) or [""]
     if not any("=" in word for word in words) and (words or kind not in CRITERIA):
         raise OptionError(f"{where}: no such preset or kind; {_nearest(text)}")
     record: dict[str, Any] = {"kind": kind}
@@ -72,7 +72,7 @@ def parse_criterion(text: str) -> Criterion:
         name, sign, value = word.partition("=")
         if not (sign and name and value) or name in record:
             raise OptionError(f"{where}: {word!r} is not of the form name=value, each name once")
-        record[name] = value
+        record[name] = unquoted(value)
     return criterion_from_record(record, where)
 
 
