@@ -106,7 +106,7 @@ def test_events_of_contingencies_may_name_their_bus(npcc, tmp_path):
     (bus,) = [bus.number for bus in npcc.buses if bus.name.strip() == "Pontiac"]
     assert [item.events[0].bus for item in found] == [bus, bus]
     wrong = {"name": "wrong", "events": [{"kind": "bus-fault", "bus": "Pontiak"}]}
-    with pytest.raises(gf.EventError, match="contingency 'wrong': bus: .*did you mean 'Pontiac'"):
+    with pytest.raises(gf.EventError, match=r"contingency 'wrong': bus: .*did you mean 'Pontiac'"):
         listed(npcc, contingency=[wrong], **none)
 
 

@@ -82,7 +82,7 @@ def events_of(
 
 
 def load_relays(path: str | Path, case: Case | None = None) -> list[Relay]:
-    """Relays from a TOML file of ``[[relays]]`` tables, each with its ``kind``; as :func:`load_events`."""
+    """Relays from a TOML file of ``[[relays]]`` tables, each with its ``kind``."""
     number = None if case is None else numbering(case)
     return relays_of(read_tables(path, "relays"), f"{path}: ", number)
 
