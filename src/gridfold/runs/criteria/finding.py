@@ -8,6 +8,9 @@ from typing import Any
 
 from gridfold.grid.criteria import Criterion
 
+#: What separates names of criteria where several stand in a text.
+BETWEEN = "; "
+
 
 class Verdict(Enum):
     """Whether a criterion is fulfilled; a run that ends too early may leave that open."""
