@@ -674,7 +674,7 @@ function watchedLayout(panels, times, number, width) {
   const legends = panels.map(panel => 4 + legendHeight(panel.labels, width));
   const count = panels.length, top0 = BUTTONS + legends[0], last = times.at(-1) ?? 0;
   const usable = count * PANEL + legends.slice(1).reduce((sum, height) => sum + height, 0);
-  const layout = {height: usable + top0 + 50, margin: {l: 64, r: 10, t: top0, b: 50}};
+  const layout = {showlegend: true, height: usable + top0 + 50, margin: {l: 64, r: 10, t: top0, b: 50}};
   let above = 0;
   for (const [k, panel] of panels.entries()) {
     if (k) above += PANEL + legends[k];

@@ -12,6 +12,7 @@ alone it is about what tables hold by default.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -146,5 +147,11 @@ def _statement(kind: str, pieces: list[str], what: str, faults: list[str]) -> St
     try:
         parse_selection(statement.places, name, statement.word)
     except OptionError as error:
-        faults.append(str(error))
+        faults.append(f"{error}{'' if name in known else _alike(name, known)}")
     return statement
+
+
+def _alike(name: str, known: Sequence[str]) -> str:
+    """A hint at the quantity that a word is like; it may be a signal of machines as it is."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
