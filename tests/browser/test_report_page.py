@@ -407,7 +407,7 @@ def test_legends_lie_neither_on_buttons_nor_on_curves(browser, pages, width):
         assert len(others) > 1, plot
         assert not [pair for pair in itertools.product(legends, others) if overlap(*pair)], plot
     choose(page, 2)
-    assert page.inner_text("#watched .legend") == "1007"  # of one curve too it says what it is
+    assert page.text_content("#watched .legend") == "1007"  # of one curve too it says what it is
     page.close()
 
 
