@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 
-from gridfold.errors import OptionError
+from gridfold.errors import OptionError, require_list
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.criteria import (
+    CRITERIA,
     AngleSeparation,
     Criterion,
     FrequencyBand,
@@ -21,6 +22,10 @@ def check_criteria(
     criteria: Sequence[Criterion], case: Case, study: Collection[int] | None = None
 ) -> None:
     """Raise an OptionError that names every criterion which does not fit the case."""
+    kinds = tuple(CRITERIA.values())
+    require_list(
+        criteria, lambda item: isinstance(item, kinds), "criteria", "[gridfold.VoltageDip(0.8)]"
+    )
     faults = []
     for number, criterion in enumerate(criteria):
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from gridfold.cards import Card
+from gridfold.errors import require_list
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BranchFault, BusFault
 from gridfold.systems.status import Status
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Fault = BusFault | BranchFault
+
+
+def require_faults(faults: object) -> None:
+    """Raise an OptionError unless these are faults."""
+    require_list(faults, lambda item: isinstance(item, Fault), "faults", "[gridfold.BusFault(3)]")
 
 
 @dataclass(frozen=True, repr=False)

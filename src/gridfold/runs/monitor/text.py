@@ -77,6 +77,10 @@ def parse_monitor(text: str, what: str = "monitor") -> Monitor:
     OptionError
         A part of the text has no meaning: names all such parts.
     """
+    if not isinstance(text, str):
+        raise OptionError(
+            f"{what}: it is a text such as 'flow 101-103, voltage area:1', not {text!r}"
+        )
     if not text.strip():
         raise OptionError(
             f"{what}: it is empty; it begins with a quantity, such as voltage or flow"
