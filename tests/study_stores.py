@@ -172,6 +172,28 @@ def watched() -> dict[str, Any]:
     }
 
 
+def legend_study(folder: Path) -> StudyStore:
+    """A finished study: of the first one twelve curves of two kinds each were watched, then one."""
+    times = np.linspace(0, 2, 41).astype(np.float32)
+
+    def of(names: list[str]) -> dict[str, Any]:
+        return {
+            "watched_names": np.array(names),
+            "watched_values": np.outer(np.arange(1.0, len(names) + 1), times).astype(np.float32),
+            "watched_times": times,
+            "watched_left_out": np.array(0),
+        }
+
+    many = [f"p_mw:{k}-2002:1" for k in range(1001, 1013)]
+    many += [f"voltage_pu:{k}" for k in range(1001, 1013)]
+    store = new_store(folder, 7)
+    for result, names in ((unstable(1, 200.0), many), (unstable(2, 190.0), ["voltage_pu:1007"])):
+        store.add([result._replace(curves={**result.curves, **of(names)})])
+    store.add([stable(number, 30.0 + number) for number in range(3, 8)])
+    finish(store)
+    return store
+
+
 def small_study(folder: Path) -> StudyStore:
     """A finished study: a stable one that is checked, two unstable ones, a failed one, one more."""
     store = new_store(folder, 5)

@@ -31,6 +31,10 @@ def values(npcc, npcc_parts, npcc_linear):
         "device": DEVICES["two_axis"],
         "devices": DEVICES,
         "study": gf.Study(name="a study"),
+        "time": gf.ClearingTime(
+            gf.BusFault(3, duration=0.39), 0.39, True, 8, 0.4, gf.UnitKey(26, "1")
+        ),
+        "finding": gf.judge(run, [gf.VoltageDip(0.7)])[0],
     }
 
 
@@ -52,6 +56,11 @@ def test_the_line_has_the_figures_that_the_value_has(values):
     least = ratio[swings].argmin()
     told = f"least damped {100 * ratio[swings][least]:.1f} % at {hertz[swings][least]:.2f} Hz"
     assert told in repr(values["modes"])
+    told = "<ClearingTime bus 3: seconds 0.39, runs 8, lost at 0.4 s, first machine 26:1>"
+    assert repr(values["time"]) == told
+    failed = replace(values["time"], reason="no power flow")
+    assert repr(failed) == "<ClearingTime bus 3: not found no power flow>"
+    assert repr(values["finding"]).startswith("<Finding voltage never below 0.7 after the fault: ")
     assert repr(values["devices"]) == f"<{len(DEVICES)} device models>"
 
 

@@ -29,9 +29,12 @@ import copyreg
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+#: Characters of a value that a message shows.
+_SHOWN = 60
 
 
 class GridfoldError(Exception):
@@ -154,3 +157,29 @@ def warn_caller(text: str, category: type[GridfoldWarning]) -> None:
     while frame.f_back is not None and frame.f_code.co_filename.startswith(inside):
         frame, depth = frame.f_back, depth + 1
     warnings.warn(text, category, stacklevel=depth)
+
+
+def require_list(items: object, fits: Callable[[Any], bool], what: str, example: str) -> None:
+    """Raise an OptionError unless `items` is a list, or the like, whose items all fit.
+
+    Parameters
+    ----------
+    items : object
+        What was given.
+    fits : callable
+        Whether an item is one of those that are wanted.
+    what : str
+        What they are called.
+    example : str
+        How such a list is written.
+    """
+    listed = isinstance(items, Iterable) and not isinstance(items, str | bytes)
+    given = list(items) if isinstance(items, Iterable) and listed else []
+    wrong = [item for item in given if not fits(item)] if listed else [items]
+    if wrong:
+        raise OptionError(f"{what} are a list such as {example}, not {_short(wrong[0])}")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from study_stores import (
     finish,
     judged_study,
     large_study,
+    legend_study,
     new_store,
     small_study,
 )
@@ -36,6 +38,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "empty": new_store(folder / "empty", case="other", **REPLACED),
         "failed": new_store(folder / "failed", 1),
         "judged": judged_study(folder / "judged"),
+        "legends": legend_study(folder / "legends"),
         "large": large_study(folder / "large", LARGE),
     }
     stores["failed"].add([failed(1)])
@@ -390,3 +393,33 @@ def numbers_of(page: Any) -> list[int]:
     """Numbers of the rows that are in the page."""
     script = "rows => rows.map(row => Number(row.dataset.number))"
     return page.eval_on_selector_all("#body tr[data-number]", script)
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_legends_lie_neither_on_buttons_nor_on_curves(browser, pages, width):
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    page.goto(pages["legends"])
+    until(page, "document.querySelectorAll('#watched .legend2').length === 1")
+    for plot in ("#curves", "#watched", "#spread-lowest_voltage"):
+        legends = boxes(page, f"{plot} [class^=legend] > rect.bg")
+        others = boxes(page, f"{plot} .modebar-group") + boxes(page, f"{plot} .gridlayer")
+        assert legends, plot
+        assert len(others) > 1, plot
+        assert not [pair for pair in itertools.product(legends, others) if overlap(*pair)], plot
+    choose(page, 2)
+    assert page.text_content("#watched .legend") == "1007"  # of one curve too it says what it is
+    page.close()
+
+
+def boxes(page: Any, selector: str) -> list[dict[str, float]]:
+    found = (item.bounding_box() for item in page.locator(selector).all())
+    return [box for box in found if box and box["width"] and box["height"]]
+
+
+def overlap(one: dict[str, float], two: dict[str, float]) -> bool:
+    """Whether boxes have more than a pixel in common."""
+    across, down = (
+        min(one[at] + one[size], two[at] + two[size]) - max(one[at], two[at])
+        for at, size in (("x", "width"), ("y", "height"))
+    )
+    return across > 1 and down > 1

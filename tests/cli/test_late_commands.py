@@ -34,6 +34,16 @@ def test_the_package_and_its_help_load_nothing_that_takes_long():
     assert done.stdout == "[]\n"
 
 
+def test_a_run_loads_neither_tables_nor_pictures_nor_studies():
+    code = (
+        "import sys, gridfold.cli.run\n"
+        "names = ('pandas', 'pyarrow', 'matplotlib', 'plotly', 'gridfold.study', 'powerio')\n"
+        "print([name for name in names if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_options_of_the_release_before_are_accepted_and_told(command):
     code, out, err = command("cct", "npcc", "--buses", "99999", "--workers=2")
     assert code == 2

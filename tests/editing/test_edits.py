@@ -312,6 +312,11 @@ def test_an_exciter_takes_the_place_of_another_one(plants):
         ("branch 103-106 X=1", "branch 103-106:1 (edit 1): there is no bus 106"),
         ("branch 103 X=1", "a branch is named FROM-TO:CIRCUIT, not '103'"),
         ("SEXS 102:1 K=3", "sexs 102:1 (edit 1): lead_lag_ratio is missing"),
+        ("branch 103-104:3 R=0.1", "a new branch 103-104:3 needs X (reactance)"),
+        ("bus 106 NAME=NEW", "a new bus 106 needs BASKV (base_kv)"),
+        ("generator 104:1 PG=10", "a new generator 104:1 needs MBASE (base_mva)"),
+        ("load 103:2", "a new load 103:2 needs its power, as NAME=VALUE"),
+        ("shunt 104:1", "a new shunt 104:1 needs its power, as NAME=VALUE"),
     ],
 )
 def test_faults_of_new_records_are_named(plants, record, told):
@@ -398,6 +403,18 @@ def test_what_is_no_number_is_told_at_once(plants):
         plants.edit().scale_load("much")
     with pytest.raises(gf.OptionError, match="active_mw must be a number, not None"):
         plants.edit().redispatch(None, areas=1)
+
+
+@pytest.mark.parametrize("record", [5, ["load 103 PL=5", "load 104:1 PL=5"], None])
+def test_what_is_no_text_is_told_with_the_edit(plants, record):
+    for editor in (
+        plants.edit().set(record),
+        plants.edit().remove(record),
+        plants.edit().switch(record, "out"),
+    ):
+        (fault,) = faults(editor)
+        assert fault.startswith("edit 1: a record is written with a word and a place")
+        assert fault.endswith(f"not {record!r}")
 
 
 def test_devices_of_loads_are_named_by_their_load(plants):

@@ -46,6 +46,8 @@ def test_a_criterion_says_what_it_asks(criterion, words):
     ("make", "message"),
     [
         (lambda: gf.VoltageDip(0.0), "level must be a positive number, not 0.0"),
+        (lambda: gf.VoltageDip(80), "level is a part of 1, such as 0.9, not 80"),
+        (lambda: gf.VoltageRecovery(90, 1.0), "level is a part of 1, such as 0.9, not 90"),
         (lambda: gf.VoltageDip(0.8, -1.0), "longest must be a number of seconds"),
         (lambda: gf.VoltageRecovery(0.9, 0.0), "within must be a positive number"),
         (lambda: gf.VoltageRecovery(float("nan"), 1.0), "level must be a positive number"),
@@ -65,6 +67,8 @@ def test_all_criteria_that_do_not_fit_a_case_are_named_at_once():
     wrong = [
         gf.VoltageDip(0.8, buses="77"),
         gf.FrequencyBand(49, 51),
+        gf.FrequencyBand(0.98),
+        gf.FrequencyBand(highest_hz=1020),
         gf.AngleSeparation(120, machines="1:1"),
         gf.LeastDamping(3),
         gf.LeastDamping(3),
@@ -72,10 +76,17 @@ def test_all_criteria_that_do_not_fit_a_case_are_named_at_once():
     with pytest.raises(gf.OptionError) as caught:
         check_criteria(wrong, lossless_classical_system())
     lines = str(caught.value).splitlines()
-    assert len(lines) == 4
+    assert len(lines) == 6
     for line, text in zip(
         lines,
-        ("no bus 77", "does not hold the 60 Hz", "fewer than two machines", "is given twice"),
+        (
+            "no bus 77",
+            "does not hold the 60 Hz",
+            "lowest_hz is 0.98, far from the 60 Hz",
+            "highest_hz is 1020, far from the 60 Hz",
+            "fewer than two machines",
+            "is given twice",
+        ),
         strict=True,
     ):
         assert text in line

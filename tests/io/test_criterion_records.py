@@ -42,6 +42,8 @@ def test_a_preset_is_given_by_its_name(text):
 def test_a_criterion_is_given_by_kind_and_fields():
     found = parse_criterion("voltage-recovery level=0.9 within=1.5 buses=1-5,area:2")
     assert found == gf.VoltageRecovery(0.9, 1.5, buses="1-5,area:2")
+    found = parse_criterion("voltage-dip level=0.8 buses='area:1 except kv<100' longest=0.2")
+    assert found == gf.VoltageDip(0.8, 0.2, buses="area:1 except kv<100")
 
 
 @pytest.mark.parametrize(
@@ -49,6 +51,12 @@ def test_a_criterion_is_given_by_kind_and_fields():
     [
         ("", "no such preset or kind"),
         ("voltage back to 0.9 within 2 s", "did you mean 'voltage back to 0.9 within 1 s'"),
+        ("voltage back to 0.9 within 2 s", "voltage-recovery level=0.9 within=1"),
+        ("frequency from 58 to 61 Hz", "frequency-band lowest_hz=59 highest_hz=61"),
+        (
+            "damping at least 3",
+            "did you mean 'damping at least 3 %'? With other numbers: damping percent=3",
+        ),
         ("voltage-dip", "voltage-dip needs level"),
         ("voltage-dip levl=0.8", "did you mean 'level'"),
         ("voltage-dip level=high", "level: 'high' is not a number"),

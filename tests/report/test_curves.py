@@ -83,3 +83,16 @@ def test_curves_without_a_value_are_drawn_as_nothing():
 def test_axes_of_sums_and_signals_are_told_in_words():
     assert axis_text("area_interchange_mw") == "Interchange of the\narea (MW)"
     assert axis_text("mechanical_power").startswith("Mechanical power")
+
+
+def test_every_curve_is_in_the_legend_whatever_its_column_is_called():
+    names = ("current", "_hidden", "interface_mw:_WEST")
+    drawn = curves(**dict.fromkeys(names, TIMES))
+    legends = [axes.get_legend() for axes in draw_curves(drawn).axes]
+    told = [text.get_text().strip() for legend in legends for text in legend.get_texts()]
+    assert told == ["current", "_hidden", "_WEST"]
+    both = draw_both(drawn, drawn, ("one", "two"))
+    told = [
+        text.get_text().strip() for axes in both.axes[::2] for text in axes.get_legend().get_texts()
+    ]
+    assert told == ["current", "_hidden", "_WEST"]

@@ -98,6 +98,18 @@ def test_a_table_gives_contingencies_of_one_or_more_events(npcc, tmp_path):
     assert found[1].events == (gf.BusFault(5, duration=0.2), gf.BranchTrip("3-2", 0.2))
 
 
+def test_events_of_contingencies_may_name_their_bus(npcc, tmp_path):
+    (tmp_path / "table.csv").write_text("name,kind,bus,duration\nby table,bus-fault,Pontiac,0.1\n")
+    by_file = {"name": "by file", "events": [{"kind": "bus-fault", "bus": "Pontiac"}]}
+    none = {"bus_faults": "none", "line_faults": "none"}
+    found = listed(npcc, tmp_path, contingency=[by_file], csv="table.csv", **none)
+    (bus,) = [bus.number for bus in npcc.buses if bus.name.strip() == "Pontiac"]
+    assert [item.events[0].bus for item in found] == [bus, bus]
+    wrong = {"name": "wrong", "events": [{"kind": "bus-fault", "bus": "Pontiak"}]}
+    with pytest.raises(gf.EventError, match=r"contingency 'wrong': bus: .*did you mean 'Pontiac'"):
+        listed(npcc, contingency=[wrong], **none)
+
+
 @pytest.mark.parametrize(
     ("table", "said"),
     [

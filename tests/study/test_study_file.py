@@ -145,10 +145,19 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
         (LEAST + "[case]\nraw_revision = 28\n", "study.toml:5: case.raw_revision"),
         (LEAST + "[case]\nraw_revision = 'x'\n", "study.toml:5: case.raw_revision"),
         (LEAST + "[outputs]\nmonitor = '3-2'\n", "study.toml:5: outputs.monitor"),
+        (
+            LEAST + "[outputs]\nmonitor = ['voltage', 'flw 3-2']\n",
+            "study.toml:5: outputs.monitor.1: flw: the range '3-2' ends before it starts "
+            "(did you mean flow?), not 'flw 3-2'",
+        ),
         (LEAST + "[outputs]\nmonitor = 'every 0'\n", "'every' is followed by a number of steps"),
         (
             LEAST + "[outputs]\nmonitor = 'voltage'\nsignals = ['speed']\n",
             "outputs.monitor takes the place of outputs.signals",
+        ),
+        (
+            LEAST + "[check]\nsample = 'some'\n",
+            "study.toml:5: check.sample: input should be a valid int",
         ),
         (LEAST + "[study_area]\nareas = 'north'\n", "study.toml:5: study_area.areas"),
         ("contingencies = 3\n", "contingencies"),
@@ -157,6 +166,13 @@ def test_an_unknown_key_names_its_line_and_the_nearest_known_one(tmp_path):
 )
 def test_a_fault_is_named(tmp_path, text, said):
     assert said in faults(tmp_path, text).replace(str(tmp_path) + "/", "")
+
+
+def test_a_faulty_value_of_several_types_is_one_fault_in_plain_words(tmp_path):
+    told = faults(tmp_path, LEAST + "[outputs]\nmonitor = 'voltage nowhere'\n")
+    assert "outputs.monitor: voltage: 'nowhere' names nothing" in told
+    assert "tuple" not in told
+    assert "function" not in told
 
 
 def test_every_key_of_the_model_reaches_its_settings():

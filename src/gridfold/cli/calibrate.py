@@ -41,6 +41,7 @@ from gridfold.errors import OptionError
 from gridfold.grid.events import BusFault, Event
 from gridfold.grid.selection import select_buses
 from gridfold.grid.selection_text import as_ranges
+from gridfold.io.event_places import any_name, numbering
 from gridfold.io.event_records import event_record, parse_event
 from gridfold.partition import Partition, couple, partition
 from gridfold.reduction import Reducer
@@ -99,8 +100,11 @@ def calibrate(
         refuse(given(boundary) + given(reduction), "the threshold of the whole system")
     refuse(["--weights"] if reduction.weights else [], "the models of the paper")
     reducer = reduction.settings.build(ported=False)
-    events = [parse_event(text) for text in event or []]
+    for text in event or []:
+        parse_event(text, any_name)
     model = source.build()
+    number = numbering(model.case)
+    events = [parse_event(text, number) for text in event or []]
     study = area.find(model.case, source.case)
     faulted: Sequence[int] = [] if events else sorted(study)
     if buses is not None:

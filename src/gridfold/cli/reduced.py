@@ -61,7 +61,7 @@ def partition(
     threshold = norm.per_unit(coupling)
     write_json_option(json, _partition_record(parts, coupling, threshold))
     if speaks_to_people(json):
-        buses = as_ranges(parts.study_buses)
+        buses = as_ranges(parts.study_buses).replace(",", ", ")
         out.print(facts_table(partition_facts(parts, coupling, threshold, buses)))
         out.print(tie_table(parts))
         out.print(norm_table(coupling, threshold))
@@ -104,7 +104,7 @@ def reduce(
             out.print(ladder_table(family))
             out.print(facts_table(ladder_facts(family, seconds)))
         else:
-            buses = as_ranges(family.parts.study_buses)
+            buses = as_ranges(family.parts.study_buses).replace(",", ", ")
             out.print(facts_table(reduction_facts(family, settings.norm, buses, seconds)))
         if file is not None:
             out.print(facts_table({"Saved as": str(file)}))

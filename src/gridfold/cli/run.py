@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,7 +36,14 @@ from gridfold.grid.criterion_checks import check_criteria
 from gridfold.grid.events import BusFault, Event
 from gridfold.io.case_folder import read_case
 from gridfold.io.comtrade import check_name
-from gridfold.io.event_records import load_events, load_relays, parse_event
+from gridfold.io.event_places import Numbering, any_name, numbering
+from gridfold.io.event_records import (
+    event_from_record,
+    events_of,
+    parse_event,
+    read_tables,
+    relays_of,
+)
 from gridfold.io.results import check_target
 from gridfold.report.criteria_tables import criteria_table
 from gridfold.report.curves import draw_curves, run_curves
@@ -97,7 +104,9 @@ Examples:
 class EventOptions:
     """What happens to the network."""
 
-    fault_bus: Annotated[int | None, _event_option(help="Bus with a three-phase fault.")] = None
+    fault_bus: Annotated[
+        str | None, _event_option(help="Bus with a three-phase fault, by number or name.")
+    ] = None
     fault_start: Annotated[
         float | None, _event_option(help="Time of that fault (s).", show_default="0")
     ] = None
@@ -124,14 +133,23 @@ class EventOptions:
         _event_option(help="TOML file with \\[\\[relays]] tables, which watch the run."),
     ] = None
 
-    def collect(self) -> list[Event]:
+    def collect(self, number: Numbering = any_name) -> list[Event]:
         """All events, that of the --fault-... options first, and the relays."""
-        from_file = [] if self.events is None else load_events(self.events)
-        relays = [] if self.relays is None else load_relays(self.relays)
-        given = [parse_event(text) for text in self.event or []]
-        return [*self._bus_fault(), *from_file, *given, *relays]
+        events, relays = self._tables
+        return [
+            *self._bus_fault(number),
+            *events_of(events, f"{self.events}: ", number),
+            *(parse_event(text, number) for text in self.event or []),
+            *relays_of(relays, f"{self.relays}: ", number),
+        ]
 
-    def _bus_fault(self) -> list[Event]:
+    @cached_property
+    def _tables(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Records of events and of relays from the files, which are read once."""
+        events = [] if self.events is None else read_tables(self.events, "event")
+        return events, [] if self.relays is None else read_tables(self.relays, "relays")
+
+    def _bus_fault(self, number: Numbering) -> list[Event]:
         """The fault of the --fault-... options; those not given keep the event's own defaults."""
         fields: dict[str, Any] = {
             "start": self.fault_start,
@@ -142,7 +160,8 @@ class EventOptions:
         }
         given = {name: value for name, value in fields.items() if value is not None}
         if self.fault_bus is not None:
-            return [BusFault(self.fault_bus, **given)]
+            record = {"kind": "bus-fault", "bus": self.fault_bus, **given}
+            return [event_from_record(record, "--fault-bus", number)]
         if given:
             raise OptionError(f"a fault needs --fault-bus (its {', '.join(given)} is given)")
         return []
@@ -292,7 +311,7 @@ def simulate(
 ) -> None:
     """Simulate a disturbance."""
     began = time.perf_counter()
-    happenings = events.collect()
+    events.collect()
     asked = criteria.collect()
     criterion = None if no_watch else runs.criterion
     without = (ModelKind.DETAILED, ModelKind.PAPER_WHOLE)
@@ -301,6 +320,7 @@ def simulate(
     if budget and choice.model in (ModelKind.AUTO, *without):
         raise OptionError("--budget needs a model with a reduced external area, see --model")
     grid = source.build(network)
+    happenings = events.collect(numbering(grid.case))
     method = runs.choose(grid, happenings)
     ready = time.perf_counter()
     study = choice.external.area.known(grid.case, source.case)

@@ -10,7 +10,7 @@ from gridfold.dynamics.device import Device
 from gridfold.dynamics.own_models import Devices, device_models
 from gridfold.dynamics.registry import DEVICES
 from gridfold.editing.edits import Add, Dispatch, Edit, Remove, ScaleLoad, Set, Switch
-from gridfold.errors import CaseError, GridfoldError, OptionError
+from gridfold.errors import CaseError, GridfoldError, OptionError, require_list
 from gridfold.grid.case import Case, Record
 from gridfold.grid.validation import validate_case
 
@@ -40,6 +40,9 @@ def apply_edits(case: Case, edits: Sequence[Edit], devices: Mapping[str, Device]
         Lists every edit that names what is not there or gives a value without meaning, else every fault
         that the edits bring into the case.
     """
+    require_list(
+        edits, lambda item: hasattr(item, "apply"), "edits", "gridfold.load_edits('edits.toml')"
+    )
     if not edits:
         return case
     faults: list[str] = []

@@ -51,6 +51,12 @@ _SYNONYMS = {
     "machine": _GENERATOR,
     "unit": _GENERATOR,
 }
+#: Values of new records for which no default is right, with their symbols.
+_NEEDED: Mapping[type, tuple[tuple[str, str], ...]] = {
+    Bus: (("BASKV", "base_kv"),),
+    Branch: (("X", "reactance"),),
+    Generator: (("MBASE", "base_mva"),),
+}
 #: How names of load models end in PSS/E, where they are those of one load.
 _OF_LOAD = "bl"
 _STATEMENT = re.compile(r"\s*(\S+)\s+(\S.*?)(?:[\s,]+([^\s=<>]+\s*=.*?))?\s*", re.DOTALL)
@@ -106,7 +112,7 @@ def parse_statement(text: str, devices: Mapping[str, Device]) -> Statement:
     OptionError
         It has another form, or its first word means nothing.
     """
-    match = _STATEMENT.fullmatch(text)
+    match = _STATEMENT.fullmatch(text) if isinstance(text, str) else None
     if match is None:
         raise OptionError(
             "a record is written with a word and a place, such as GENROU 101:1, load 101:1 or "
@@ -149,7 +155,8 @@ def split_statements(text: str, devices: Mapping[str, Device]) -> list[Statement
         As :func:`parse_statement`.
     """
     words = "|".join(map(re.escape, (*KINDS, *_SYNONYMS, *devices)))
-    parts = re.split(rf",\s*(?=(?:{words})\s)", text, flags=re.IGNORECASE)
+    breaks = re.compile(rf",\s*(?=(?:{words})\s)", re.IGNORECASE)
+    parts = breaks.split(text) if isinstance(text, str) else [text]
     return [parse_statement(part, devices) for part in parts]
 
 
@@ -265,6 +272,16 @@ def new_record(statement: Statement, devices: Mapping[str, Device]) -> Record:
         else:
             record = kind(bus, identifier or "1")
     return with_values(record, statement.values, devices)
+
+
+def require_values(statement: Statement, record: Record) -> None:
+    """Raise an OptionError unless a statement gives the values that have no default in a new record."""
+    needed = _NEEDED.get(type(record), ())
+    given = {field_name(type(record), name) for name, _ in statement.values} if needed else set()
+    if missing := [f"{symbol} ({field})" for symbol, field in needed if field not in given]:
+        raise OptionError(f"a new {record} needs {', '.join(missing)}")
+    if isinstance(record, Load | Shunt) and not statement.values:
+        raise OptionError(f"a new {record} needs its power, as NAME=VALUE")
 
 
 def with_values(

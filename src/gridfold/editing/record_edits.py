@@ -16,6 +16,7 @@ from gridfold.editing.names import (
     find_records,
     new_record,
     parse_statement,
+    require_values,
     split_statements,
     with_values,
 )
@@ -103,9 +104,11 @@ class Add:
 
     def apply(self, case: Case, devices: Mapping[str, Device]) -> Edited:
         """The record stands at the end of its table."""
+        statement = None
         record = self.record
         if isinstance(record, str):
-            record = new_record(parse_statement(record, devices), devices)
+            statement = parse_statement(record, devices)
+            record = new_record(statement, devices)
         table = _TABLES.get(type(record))
         if table is None:
             raise OptionError(f"{record!r} is no record of a case")
@@ -113,6 +116,8 @@ class Add:
         rows = getattr(case, table)
         if any(str(row) == str(record) for row in rows):
             raise OptionError(f"{record} is there already")
+        if statement is not None:
+            require_values(statement, record)
         return Edited(_with_table(case, table, (*rows, record)), f"{record} added", (str(record),))
 
 

@@ -50,6 +50,7 @@ class VoltageDip:
 
     def __post_init__(self) -> None:
         _require(self, positive=("level",), not_negative=("longest",))
+        _require_level(self.level)
         _require_selection(self.buses)
 
     def __str__(self) -> str:
@@ -77,6 +78,7 @@ class VoltageRecovery:
 
     def __post_init__(self) -> None:
         _require(self, positive=("level", "within"))
+        _require_level(self.level)
         _require_selection(self.buses)
 
     def __str__(self) -> str:
@@ -149,6 +151,10 @@ CRITERIA: dict[str, type[Criterion]] = {
 }
 
 
+#: Voltage above which a level is no voltage in p.u., such as one in percent or in kV.
+_HIGHEST_LEVEL = 2.0
+
+
 def _require(
     criterion: Criterion, positive: Iterable[str] = (), not_negative: Iterable[str] = ()
 ) -> None:
@@ -161,6 +167,11 @@ def _require(
         value = getattr(criterion, name)
         if not (math.isfinite(value) and value >= 0):
             raise OptionError(f"{name} must be a number of seconds from 0 on, not {value!r}")
+
+
+def _require_level(level: float) -> None:
+    if level > _HIGHEST_LEVEL:
+        raise OptionError(f"level is a part of 1, such as 0.9, not {level:g}")
 
 
 def _require_selection(text: str) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 
-from gridfold.errors import OptionError
+from gridfold.errors import OptionError, require_list
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.criteria import (
+    CRITERIA,
     AngleSeparation,
     Criterion,
     FrequencyBand,
@@ -21,6 +22,10 @@ def check_criteria(
     criteria: Sequence[Criterion], case: Case, study: Collection[int] | None = None
 ) -> None:
     """Raise an OptionError that names every criterion which does not fit the case."""
+    kinds = tuple(CRITERIA.values())
+    require_list(
+        criteria, lambda item: isinstance(item, kinds), "criteria", "[gridfold.VoltageDip(0.8)]"
+    )
     faults = []
     for number, criterion in enumerate(criteria):
         try:
@@ -60,3 +65,8 @@ def _check(criterion: Criterion, case: Case, study: Collection[int] | None) -> N
         low, high = criterion.lowest_hz or 0.0, criterion.highest_hz or math.inf
         if not low < case.frequency_hz < high:
             raise OptionError(f"the band does not hold the {case.frequency_hz:g} Hz of {case.name}")
+        for name, ratio in (("lowest_hz", low), ("highest_hz", high)):
+            if getattr(criterion, name) is not None and not 0.5 < ratio / case.frequency_hz < 2:
+                raise OptionError(
+                    f"{name} is {ratio:g}, far from the {case.frequency_hz:g} Hz of {case.name}"
+                )

@@ -157,7 +157,10 @@ class _Finder:
             if k not in named and first in inside and second in inside:
                 chosen[LineEnd(k, first)] = None
         if not chosen and inside and not selection.without:
-            raise OptionError(f"{self.what}: no line of case {self.case.name} lies within {text!r}")
+            raise OptionError(
+                f"{self.what}: no line of case {self.case.name} lies within {text!r}; those that lead "
+                "out of a place are written as bus:101 to all"
+            )
         return tuple(
             end
             for end in chosen

@@ -257,7 +257,8 @@ class _Reader:
         elif self.word is Word.LINE:
             if not piece or piece[0] in "0123456789\"'":
                 raise ValueError(
-                    f"a line is written 101-103 or 101-103:CIRCUIT, not {_shown(piece)}"
+                    f"a line is written 101-103 or 101-103:CIRCUIT, not {_shown(piece)}; "
+                    "all lines of a bus are bus:101 to all"
                 )
         elif unit := _UNIT.fullmatch(piece):
             return Unit(_end(unit[1]), unit[2])

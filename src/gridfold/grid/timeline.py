@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from gridfold.errors import EventError
+from gridfold.errors import EventError, require_list
 from gridfold.grid.case import Case
 from gridfold.grid.change import Change, Event
 from gridfold.grid.network_state import NetworkState
@@ -49,6 +49,7 @@ def build_timeline(case: Case, events: Sequence[Event], t_end: float) -> list[St
 
 def collect_changes(case: Case, events: Sequence[Event], t_end: float) -> list[Change]:
     """What the events do, each of which is checked against the case."""
+    require_list(events, lambda item: hasattr(item, "changes"), "events", "[gridfold.BusFault(3)]")
     changes = [change for event in events for change in event.changes(case)]
     for change in changes:
         if max(change.time, instant(change.time)) >= t_end:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from gridfold.errors import GridfoldError, OptionError
 from gridfold.grid.criteria import CRITERIA, PRESETS, Criterion
 from gridfold.io.event_records import read_tables
-from gridfold.io.kind_records import from_mapping, kind_record
+from gridfold.io.kind_records import from_mapping, kind_record, unquoted, words_of
 from gridfold.io.tables import suggest
 
 
@@ -61,20 +62,34 @@ def parse_criterion(text: str) -> Criterion:
         The text makes no sense.
     """
     where = f"criterion {text!r}"
-    if text in PRESETS:
-        return PRESETS[text]
-    kind, *words = text.split() or [""]
-    if kind not in CRITERIA and not any("=" in word for word in words):
-        raise OptionError(
-            f"{where}: no such preset or kind; {suggest(text, [*PRESETS, *CRITERIA])}"
-        )
+    if (preset := " ".join(text.lower().replace("hz", "Hz").split())) in PRESETS:
+        return PRESETS[preset]
+    kind, *words = words_of(text) or [""]
+    if not any("=" in word for word in words) and (words or kind not in CRITERIA):
+        raise OptionError(f"{where}: no such preset or kind; {_nearest(text)}")
     record: dict[str, Any] = {"kind": kind}
     for word in words:
         name, sign, value = word.partition("=")
         if not (sign and name and value) or name in record:
             raise OptionError(f"{where}: {word!r} is not of the form name=value, each name once")
-        record[name] = value
+        record[name] = unquoted(value)
     return criterion_from_record(record, where)
+
+
+def _nearest(text: str) -> str:
+    """A hint at the preset that a text is like, and at how it is written with other numbers."""
+    hint = suggest(text, [*PRESETS, *CRITERIA])
+    alike = [preset for name, preset in PRESETS.items() if repr(name) in hint]
+    if not alike:
+        return hint
+    record = kind_record(CRITERIA, alike[0])
+    defaults = {item.name: item.default for item in fields(alike[0])}
+    values = [
+        f"{name}={value:g}"
+        for name, value in record.items()
+        if name != "kind" and value != defaults[name]
+    ]
+    return f"{hint} With other numbers: {record['kind']} {' '.join(values)}"
 
 
 def load_criteria(path: str | Path) -> tuple[Criterion, ...]:

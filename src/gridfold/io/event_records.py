@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from gridfold.errors import CaseFileError, EventError
+from gridfold.grid.case import Case
 from gridfold.grid.events import EVENTS, Event
 from gridfold.grid.relays import RELAYS, Relay
-from gridfold.io.kind_records import from_mapping, kind_record
+from gridfold.io.event_places import Numbering, numbering, with_numbers
+from gridfold.io.kind_records import from_mapping, kind_record, unquoted, words_of
 from gridfold.io.tables import read_toml
 
 
@@ -21,22 +23,32 @@ def event_record(event: Event) -> dict[str, Any]:
     return kind_record(RELAYS if isinstance(event, Relay) else EVENTS, event)
 
 
-def event_from_record(record: Mapping[str, Any], where: str = "event") -> Event:
-    """Build an event from a mapping such as ``{"kind": "bus-fault", "bus": 3}``."""
-    event: Event = from_mapping(EVENTS, record, where)
+def event_from_record(
+    record: Mapping[str, Any], where: str = "event", number: Numbering | None = None
+) -> Event:
+    """Build an event from a mapping such as ``{"kind": "bus-fault", "bus": 3}``.
+
+    With `number` its bus and its branch may be given by names
+    (:func:`gridfold.io.event_places.numbering`).
+    """
+    given = record if number is None else with_numbers(record, number, where)
+    event: Event = from_mapping(EVENTS, given, where)
     return event
 
 
-def relay_from_record(record: Mapping[str, Any], where: str = "relay") -> Relay:
+def relay_from_record(
+    record: Mapping[str, Any], where: str = "relay", number: Numbering | None = None
+) -> Relay:
     """Build a relay from a mapping such as ``{"kind": "distance", "branch": "3-2", "bus": 3}``."""
-    relay: Relay = from_mapping(RELAYS, record, where)
+    given = record if number is None else with_numbers(record, number, where)
+    relay: Relay = from_mapping(RELAYS, given, where)
     return relay
 
 
-def parse_event(text: str) -> Event:
+def parse_event(text: str, number: Numbering | None = None) -> Event:
     """Build an event from ``kind name=value ...``, for example ``bus-fault bus=3 duration=0.1``."""
     where = f"event {text!r}"
-    words = text.split()
+    words = words_of(text)
     if not words:
         raise EventError(f"{where}: it is empty; known kinds: {', '.join(EVENTS)}")
     record: dict[str, Any] = {"kind": words[0]}
@@ -46,24 +58,38 @@ def parse_event(text: str) -> Event:
             raise EventError(f"{where}: {word!r} is not of the form name=value")
         if name in record:
             raise EventError(f"{where}: {name} is given twice")
-        record[name] = value
-    return event_from_record(record, where)
+        record[name] = unquoted(value)
+    return event_from_record(record, where, number)
 
 
-def load_events(path: str | Path) -> list[Event]:
-    """Events from a TOML file of ``[[event]]`` tables, each with its ``kind``."""
+def load_events(path: str | Path, case: Case | None = None) -> list[Event]:
+    """Events from a TOML file of ``[[event]]`` tables, each with its ``kind``.
+
+    With `case` its buses and branches may be given by names.
+    """
+    number = None if case is None else numbering(case)
+    return events_of(read_tables(path, "event"), f"{path}: ", number)
+
+
+def events_of(
+    records: Sequence[Mapping[str, Any]], where: str = "", number: Numbering | None = None
+) -> list[Event]:
+    """Events from mappings."""
     return [
-        event_from_record(record, f"{path}: event {number}")
-        for number, record in enumerate(read_tables(path, "event"), start=1)
+        event_from_record(record, f"{where}event {place}", number)
+        for place, record in enumerate(records, start=1)
     ]
 
 
-def load_relays(path: str | Path) -> list[Relay]:
+def load_relays(path: str | Path, case: Case | None = None) -> list[Relay]:
     """Relays from a TOML file of ``[[relays]]`` tables, each with its ``kind``."""
-    return relays_of(read_tables(path, "relays"), f"{path}: ")
+    number = None if case is None else numbering(case)
+    return relays_of(read_tables(path, "relays"), f"{path}: ", number)
 
 
-def relays_of(records: Sequence[Mapping[str, Any]], where: str = "") -> list[Relay]:
+def relays_of(
+    records: Sequence[Mapping[str, Any]], where: str = "", number: Numbering | None = None
+) -> list[Relay]:
     """Relays from mappings.
 
     Raises
@@ -72,9 +98,9 @@ def relays_of(records: Sequence[Mapping[str, Any]], where: str = "") -> list[Rel
         Names every one that is wrong.
     """
     relays, faults = [], []
-    for number, record in enumerate(records, start=1):
+    for place, record in enumerate(records, start=1):
         try:
-            relays.append(relay_from_record(record, f"{where}relay {number}"))
+            relays.append(relay_from_record(record, f"{where}relay {place}", number))
         except EventError as error:
             faults.append(str(error))
     if faults:

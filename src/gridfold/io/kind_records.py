@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, fields, is_dataclass
@@ -31,6 +32,22 @@ _SYNONYMS = {
     "reference": "set",
     "dispatch": "redispatch",
 }
+
+
+#: A word: what stands in quotes may have blanks. A quote after a letter is a prime, as in T'd0.
+_WORD = re.compile(r"""(?:(?<![\w'"])"[^"]*"|(?<![\w'"])'[^']*'|\S)+""")
+_WHOLLY_QUOTED = re.compile(r"\"([^\"]*)\"|'([^']*)'")
+
+
+def words_of(text: str) -> list[str]:
+    """The words of a text such as ``bus-fault bus="WEST 1" duration=0.1``."""
+    return _WORD.findall(text)
+
+
+def unquoted(value: str) -> str:
+    """A value without quotes that stand around all of it."""
+    quoted = _WHOLLY_QUOTED.fullmatch(value)
+    return value if quoted is None else quoted[1] or quoted[2] or ""
 
 
 def kind_record(kinds: Mapping[str, type], item: Any) -> dict[str, Any]:

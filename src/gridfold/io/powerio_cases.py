@@ -33,9 +33,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import powerio
+from typing import TYPE_CHECKING, Any
 
 from gridfold.errors import CaseFileError, OptionError
 from gridfold.grid.case import Case
@@ -53,6 +51,9 @@ from gridfold.io.raw_revision import check_revision, find_revision
 from gridfold.io.raw_sections import THREE_WINDING, RawSections, find_sections
 from gridfold.io.raw_settings import joining_threshold
 from gridfold.io.tables import read_foreign_text
+
+if TYPE_CHECKING:
+    import powerio
 
 _FORMATS = {".raw": "psse", ".m": "matpower"}
 _SECTIONS = {  # sections of a RAW file by powerio's table
@@ -207,6 +208,8 @@ def _parse(
     text: str, file_format: str, path: Path, sections: RawSections | None = None
 ) -> tuple[dict[str, Any], Sequence[powerio.Diagnostic]]:
     """Powerio's tables, with all that its typed records leave out, and its findings."""
+    import powerio
+
     try:
         module = powerio.parse(text.encode(), format=file_format, name=path.name)
         document = json.loads(_with_quotes(powerio.serialize(module).text or ""))

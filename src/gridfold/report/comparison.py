@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
 
 from gridfold.report.plain import PlainTable, visible
 from gridfold.report.style import PALETTE, new_figure, put_title
@@ -26,6 +27,8 @@ _DRAWN = {
     "critical_clearing_time": "Critical clearing time (s)",
 }
 _NAMES = 8
+#: Width to which names of contingencies may shrink.
+_NARROW = 10
 
 
 def difference_table(found: Sequence[Difference], limit: int) -> PlainTable:
@@ -44,8 +47,8 @@ def difference_table(found: Sequence[Difference], limit: int) -> PlainTable:
             figures = (item.largest, item.at, *item.values, item.root_mean_square)
             table.add_row(item.name, *map(_number, figures))
     notes = [f"{len(found) - shown:,} columns differ less"] if shown < len(found) else []
-    if gaps := sum(item.gaps > 0 for item in found):
-        notes.append(f"{gaps:,} have values in one of the runs alone at some times")
+    if gaps := [item.name for item in found if item.gaps]:
+        notes.append(names_line("at some times one of the runs alone has a value", gaps))
     if notes:
         table.note("; ".join(notes))
     return table
@@ -65,13 +68,18 @@ def verdict_table(found: Sequence[OtherVerdict], limit: int) -> PlainTable:
 
 def figure_table(found: Sequence[FigureDifference]) -> PlainTable:
     """Figures of two studies where they differ most."""
-    table = PlainTable(title="Figures, second less first", title_justify="left")
-    table.add_column("figure", overflow="fold")
+    table = PlainTable(
+        title="Figures, second less first",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("figure", no_wrap=True)
     for name in ("differ", "largest"):
-        table.add_column(name, justify="right")
-    table.add_column("at contingency", overflow="fold")
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("at contingency", overflow="fold", min_width=_NARROW)
     for name in ("first", "second"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for item in found:
         count = f"{item.differing:,} of {item.contingencies:,}"
         values = map(_number, (item.first, item.second))

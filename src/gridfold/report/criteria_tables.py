@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gridfold.report.plain import PlainTable
-from gridfold.runs.criteria import Finding, Verdict
-from gridfold.study.judged import BETWEEN
+from gridfold.runs.criteria import BETWEEN, Finding, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd

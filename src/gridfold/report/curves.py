@@ -133,13 +133,14 @@ def draw_curves(curves: RunCurves) -> Figure:
         if len(names) > len(moving):
             _draw_grey(axes, curves.times, [curves.values[name] for name in names])
         for color, name in zip(PALETTE, moving, strict=False):
-            label = picture_text(name.partition(":")[2])
+            label = _label(name)
             axes.plot(curves.times, curves.values[name], color=color, linewidth=1.3, label=label)
         title = (
             None if len(moving) == len(names) else f"{len(moving)} of {len(names)},\nmoving most"
         )
         finish_panel(axes, kind, curves, title)
     panels[-1].set_xlabel("Time (s)")
+    figure.align_ylabels()
     put_title(figure, curves.title)
     return figure
 
@@ -157,7 +158,7 @@ def draw_both(first: RunCurves, second: RunCurves, labels: tuple[str, str]) -> F
     apart = {name: second.values[name] - first.values[name] for name in first.values}
     for above, below, (kind, names) in zip(grid[::2], grid[1::2], kinds.items(), strict=True):
         for color, name in zip(PALETTE, _largest(apart, names), strict=False):
-            label = picture_text(name.partition(":")[2])
+            label = _label(name)
             style = {"color": color, "linewidth": 1.2}
             above.plot(first.times, first.values[name], label=label, **style)
             above.plot(first.times, second.values[name], linestyle="--", **style)
@@ -168,8 +169,15 @@ def draw_both(first: RunCurves, second: RunCurves, labels: tuple[str, str]) -> F
         finish_panel(below, kind, first, None, legend=False)
         below.set_ylabel("Dashed less\nsolid")
     grid[-1].set_xlabel("Time (s)")
+    figure.align_ylabels()
     put_title(figure, f"Solid: {labels[0]}\nDashed: {labels[1]}")
     return figure
+
+
+def _label(name: str) -> str:
+    """What a column is of, for a legend; Matplotlib leaves out what begins with an underscore."""
+    text = picture_text(name.partition(":")[2] or name)
+    return f" {text}" if text.startswith("_") else text
 
 
 def most_moving(

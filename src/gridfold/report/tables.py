@@ -215,7 +215,8 @@ def run_facts(run: Trajectory, summary: Summary) -> dict[str, str]:
         ("Highest voltage", summary.highest_voltage),
     ):
         if found is not None:
-            facts[name] = f"{found.value:.3f} p.u. at bus {found.bus}, {found.at_seconds:g} s"
+            place = f"{found.value:.3f} p.u. at bus {found.bus}, {found.at_seconds:g} s"
+            facts[name] = place + (" (after the last event)" if run.notices else "")
     completed = run.status is Status.COMPLETED
     until = "" if completed else f" until the run ended at {run.times[-1]:g} s"
     return facts | {

@@ -18,7 +18,7 @@ Content = TypeVar("Content", bound=BaseModel)
 Location = Sequence[int | str]
 
 #: Names that pydantic puts between keys for the members of a choice of types.
-_TAGS = ("int", "literal['all']", "number", "distribution")
+_TAGS = ("int", "constrained-int", "literal['all']", "number", "distribution")
 _HEADER = re.compile(r"(\[\[?)([^\]]*)\]")
 
 
@@ -35,7 +35,7 @@ def read_checked(path: Path, kind: type[Content]) -> Content:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        faults = [_fault(item, kind, lines, path) for item in error.errors()]
+        faults = [_fault(item, kind, lines, path) for item in _meant(error.errors())]
         raise CaseFileError(faults, str(path)) from None
 
 
@@ -44,7 +44,7 @@ def checked(content: Mapping[str, Any], kind: type[Content], what: str) -> Conte
     try:
         return kind.model_validate(content)
     except ValidationError as error:
-        raise CaseFileError([_fault(item, kind) for item in error.errors()], what) from None
+        raise CaseFileError([_fault(item, kind) for item in _meant(error.errors())], what) from None
 
 
 class _Lines:
@@ -80,11 +80,31 @@ def _bare(key: str) -> str:
     return key.strip().strip("\"'")
 
 
+def _keys(item: ErrorDetails) -> tuple[int | str, ...]:
+    """Where a fault is, without the names of types that pydantic puts there."""
+    return tuple(
+        part
+        for part in item["loc"]
+        if part not in _TAGS and not (isinstance(part, str) and "[" in part)
+    )
+
+
+def _meant(errors: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """The faults without those about other types that a value with a fault of its own might have."""
+    faulty = [_keys(item) for item in errors if not item["type"].endswith("_type")]
+    return [
+        item
+        for item in errors
+        if not item["type"].endswith("_type")
+        or not any(keys[: len(_keys(item))] == _keys(item) for keys in faulty)
+    ]
+
+
 def _fault(
     item: ErrorDetails, kind: type[BaseModel], lines: _Lines | None = None, path: Path | None = None
 ) -> str:
     """One line about a fault: where, what, and the nearest known key if it is an unknown one."""
-    location = [part for part in item["loc"] if part not in _TAGS]
+    location = _keys(item)
     line = None if lines is None else lines.find(location)
     where = f"{path}:{line}: " if line is not None else ""
     key = ".".join(str(part) for part in location)

@@ -15,6 +15,7 @@ from gridfold.grid.events import BranchFault, BusFault, Event, MachineTrip
 from gridfold.grid.selection import LineEnd, select_buses, select_lines, select_machines
 from gridfold.grid.selection_text import Word
 from gridfold.grid.timeline import build_timeline
+from gridfold.io.event_places import Numbering, any_name, numbering
 from gridfold.io.event_records import event_from_record, event_record
 from gridfold.io.tables import read_table
 from gridfold.study.study_file import ContingencySection, Study
@@ -81,8 +82,8 @@ def list_contingencies(
     found += line_faults(case, lines, start, duration)
     found += machine_trips(units, start)
     if wanted.csv is not None:
-        found += from_table(folder / wanted.csv)
-    found += [_explicit(section) for section in study.contingency]
+        found += from_table(folder / wanted.csv, numbering(case))
+    found += [_explicit(section, numbering(case)) for section in study.contingency]
     if not found:
         raise OptionError(
             "the study has no contingencies: see the keys of [contingencies] and [[contingency]]"
@@ -138,10 +139,13 @@ def machine_trips(
         yield f"machine {unit}", "machine trip", (MachineTrip(unit.bus, unit.id, start),)
 
 
-def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
+def from_table(
+    path: Path, number: Numbering = any_name
+) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
     """Contingencies from a CSV table, a row each; events of one are numbered in a column ``event``.
 
     Columns ``name`` and ``kind``, and fields of the events; an empty cell stands for the default.
+    `number` gives the numbers of buses that are named.
     """
     table = read_table(path)
     taken: dict[tuple[str, str], int] = {}
@@ -160,7 +164,7 @@ def from_table(path: Path) -> Iterator[tuple[str, str, tuple[Event, ...]]]:
             table.fault(line, _named_before(name, first, "event" in table.columns))
             continue
         try:
-            events.setdefault(name, []).append(event_from_record(record, name))
+            events.setdefault(name, []).append(event_from_record(record, name, number))
         except EventError as error:
             table.fault(line, str(error))
     if table.faults:
@@ -185,9 +189,9 @@ def _named_before(name: str, line: int, numbered: bool) -> str:
     )
 
 
-def _explicit(section: ContingencySection) -> tuple[str, str, tuple[Event, ...]]:
+def _explicit(section: ContingencySection, number: Numbering) -> tuple[str, str, tuple[Event, ...]]:
     where = f"contingency {section.name!r}"
-    events = [event_from_record(record, where) for record in section.events]
+    events = [event_from_record(record, where, number) for record in section.events]
     return section.name, _kind_of(events), tuple(events)
 
 

@@ -6,10 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from gridfold.runs.criteria import Finding, Verdict
-
-#: What separates names of criteria in a column.
-BETWEEN = "; "
+from gridfold.runs.criteria import BETWEEN, Finding, Verdict
 
 
 def judged_figures(findings: Sequence[Finding], error_deg: float | None = None) -> dict[str, Any]:

@@ -41,6 +41,7 @@ from gridfold.grid.relays import Relay
 from gridfold.grid.selection_text import as_ranges
 from gridfold.grid.timeline import build_timeline, initial_state
 from gridfold.io.criterion_records import criteria_of
+from gridfold.io.event_places import numbering
 from gridfold.io.event_records import relays_of
 from gridfold.numerics.kernel_cache import SOURCES
 from gridfold.numerics.steppers import Stepper
@@ -217,7 +218,7 @@ def _surveyed(
         case = load_grid(study, folder, devices)
     buses = _study_buses(study, case)
     contingencies = list_contingencies(study, case, buses, folder)
-    for relay in relays_of(study.relays):
+    for relay in relays_of(study.relays, number=numbering(case)):
         relay.changes(case)
     with naming_doubts(case, devices):
         return case, buses, contingencies, solve_power_flow(case)
@@ -303,7 +304,7 @@ def prepare(offline: Offline) -> Prepared:
             small.limits(model, mode)
     rule = offline.settings.rule
     method, limit = offline.method, offline.time_limit
-    relays = tuple(relays_of(study.relays))
+    relays = tuple(relays_of(study.relays, number=numbering(model.case)))
     columns = _watched(study, model, offline.study_buses)
     return Prepared(
         study,

@@ -43,6 +43,16 @@ def test_an_interface_may_have_a_name_and_names_may_hold_commas():
     assert quoted.label == "N, S"
 
 
+def test_an_interface_with_its_name_ends_the_one_before():
+    text = "interface WEST = 1-2, 3-4, EAST = 5-6, kv=230, voltage 3, every 2, every 2"
+    *interfaces, voltage = parse_monitor(text).statements
+    assert interfaces == [
+        Statement("interface", "1-2, 3-4", "WEST"),
+        Statement("interface", "5-6, kv=230", "EAST"),
+    ]
+    assert voltage == Statement("voltage", "3")
+
+
 def test_what_tables_hold_by_default_is_a_monitor():
     kinds = [statement.kind for statement in parse_monitor(DEFAULT_MONITOR).statements]
     assert kinds == ["angle", "speed", "voltage"]
@@ -51,9 +61,12 @@ def test_what_tables_hold_by_default_is_a_monitor():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no quantity before it"),
+        ("", "it is empty"),
+        (" ", "it is empty"),
+        (",", "a comma of ',' has nothing beside it"),
         ("101-103", "'101-103' has no quantity before it"),
-        ("voltage, every", "'every' is followed by a number of steps"),
+        ("voltage, every", "'every' is followed by a number of steps, such as every 5$"),
+        ("voltage, every 2, every 3", "'every' is given twice, with 2 and 3 steps"),
         ("voltage, every 0", "followed by a number"),
         ("voltage, every 2.5", "followed by a number"),
         (
@@ -61,7 +74,10 @@ def test_what_tables_hold_by_default_is_a_monitor():
             "voltage: 'north' names nothing.*flow: a line is written 101-103",
         ),
         ("interface", "an interface is followed by its lines"),
-        ("voltage 1,,2", "'' in '1, , 2' names nothing"),
+        ("voltage 1,,2", "a comma of 'voltage 1,,2' has nothing beside it"),
+        ("interface A = 1-2, interface A = 2-3", "interface A is given twice, as 1-2 and 2-3"),
+        ("interface A = 1-2, A = 2-3", "interface A is given twice, as 1-2 and 2-3"),
+        ("flow 7", "all lines of a bus are bus:101 to all"),
         ('voltage "A', "a quote is not closed"),
     ],
 )

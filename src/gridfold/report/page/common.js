@@ -42,6 +42,12 @@ function draw(id, traces, layout) {
     hoverlabel: {bgcolor: "#fff", font: FONT, align: "left"}};
   return Plotly.react(at(id), traces, {...base, ...layout}, CONFIG);
 }
+// Heights in pixels: of a plot's buttons, and of a legend in lines above it.
+const BUTTONS = 26;
+function legendHeight(labels, width) {
+  const entry = 50 + 6.5 * Math.max(...labels.map(label => label.length));
+  return 12 + 19 * Math.ceil(labels.length / Math.max(1, Math.floor(width / entry)));
+}
 const axis = (title, more = {}) => ({title: {text: title, standoff: 6}, gridcolor: "#e8ebee",
   zerolinecolor: "#c9ced4", linecolor: "#848d97", automargin: true, ...more});
 

@@ -544,7 +544,7 @@ function drawCurves(number) {
   const bands = modelBands(curves, end);
   const traces = [...angleTraces(curves, runs, chosen, row), ...bandTraces(bands)];
   if (curves.error) traces.push(errorTrace(curves, runs.run.times));
-  const listed = traces.filter(trace => trace.showlegend).length;
+  const listed = traces.filter(trace => trace.showlegend).map(trace => trace.name);
   draw("curves", traces, curvesLayout(last, number, Boolean(curves.error), row, listed));
   at("curves").setAttribute("aria-label", `Rotor angles, active model and error of ${row.name}`);
   const area = record.map.buses.some(bus => bus.study) ? "Rotor angles of the study area" : "Rotor angles";
@@ -611,8 +611,8 @@ function errorTrace(curves, times) {
     hovertemplate: "largest error %{y:.2f}° at %{x:.2f} s<extra></extra>"};
 }
 function curvesLayout(last, number, error, row, listed) {
-  // Room for the legend above: so many lines of entries of some 110 pixels, and the buttons.
-  const top = 34 + 19 * Math.ceil(110 * listed / Math.max(200, at("curves").clientWidth - 66));
+  // Room above for the legend and the buttons.
+  const top = BUTTONS + 6 + legendHeight(listed, at("curves").clientWidth - 66);
   const usable = error ? 480 : 370, height = usable + 50 + top;
   // Heights in pixels, from below: error, model, angles.
   const below = error ? 100 / usable : 0, gap = 26 / usable, strip = 66 / usable;
@@ -643,7 +643,7 @@ function limitLine(yref, value) {
 
 // ---- what is watched, and what decided -----------------------------------------------------------------------------
 
-const PANEL = 190, BETWEEN = 46;
+const PANEL = 190;
 
 const PANEL_WORDS = {
   watched: ["Watched", watched => watched.left_out ? ` ${watched.left_out} curves that move less are left out.` : "", "What was watched of"],
@@ -653,9 +653,9 @@ const PANEL_WORDS = {
 function drawPanels(id, number, found, row) {
   at(`${id}-figure`).hidden = !found;
   if (!found) return;
-  const times = record.times[found.times], count = found.panels.length;
+  const times = record.times[found.times];
   const traces = found.panels.flatMap((panel, k) => panelTraces(panel, k, times));
-  draw(id, traces, watchedLayout(found.panels, times, number, count));
+  draw(id, traces, watchedLayout(found.panels, times, number, at(id).clientWidth - 74));
   const [title, further, label] = PANEL_WORDS[id];
   at(id).setAttribute("aria-label", `${label} ${row.name}`);
   say(`${id}-caption`, `${title}: ${found.panels.map(panel => panel.axis).join(", ")}.${further(found)}`);
@@ -669,11 +669,16 @@ function panelTraces(panel, k, times) {
     hovertemplate: `${plain(label)}<br>%{y:.5~g} at %{x:.2f} s<extra></extra>`,
   }));
 }
-function watchedLayout(panels, times, number, count) {
-  const usable = count * PANEL + (count - 1) * BETWEEN, last = times.at(-1) ?? 0;
-  const layout = {height: usable + 100, margin: {l: 64, r: 10, t: 50, b: 50}};
+function watchedLayout(panels, times, number, width) {
+  // Above each panel is its legend, above the first one the buttons too.
+  const legends = panels.map(panel => 4 + legendHeight(panel.labels, width));
+  const count = panels.length, top0 = BUTTONS + legends[0], last = times.at(-1) ?? 0;
+  const usable = count * PANEL + legends.slice(1).reduce((sum, height) => sum + height, 0);
+  const layout = {showlegend: true, height: usable + top0 + 50, margin: {l: 64, r: 10, t: top0, b: 50}};
+  let above = 0;
   for (const [k, panel] of panels.entries()) {
-    const suffix = k ? k + 1 : "", top = 1 - k * (PANEL + BETWEEN) / usable;
+    if (k) above += PANEL + legends[k];
+    const suffix = k ? k + 1 : "", top = 1 - above / usable;
     layout[`yaxis${suffix}`] = axis(plain(panel.axis), {domain: [Math.max(0, top - PANEL / usable), top]});
     layout[`legend${suffix}`] = {orientation: "h", x: 0, y: top, yanchor: "bottom", font: {size: 11}};
   }
@@ -769,7 +774,7 @@ function clearing() {
     marker: {symbol: "diamond", size: 9, color: "#fff", line: {color: "#000", width: 1.6}},
     hovertemplate: "paper: %{y:.3~f} s<extra></extra>"});
   draw("clearing", traces, {
-    height: 340, margin: {l: 54, r: 10, t: 34, b: 10}, bargap: 0.25, barmode: "overlay",
+    height: 340 + BUTTONS, margin: {l: 54, r: 10, t: 38 + BUTTONS, b: 10}, bargap: 0.25, barmode: "overlay",
     legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"},
     xaxis: axis("", {type: "category", categoryorder: "array", categoryarray: names, tickmode: "array",
       tickvals: names, ticktext: bars.map(row => plain(row.name)), tickangle: -90, tickfont: {size: 10}, showgrid: false}),
@@ -826,7 +831,8 @@ function drawSpread(id, kind, found) {
         pattern: hatch(style)},
       hovertemplate: `${verdict}: %{y}<br>%{x}<extra></extra>`};
   });
-  draw(id, traces, {height: 220, margin: {l: 48, r: 10, t: 24, b: 44}, barmode: "stack", showlegend: true,
+  const top = BUTTONS + 36;
+  draw(id, traces, {height: 196 + top, margin: {l: 48, r: 10, t: top, b: 44}, barmode: "stack", showlegend: true,
     legend: {orientation: "h", x: 1, xanchor: "right", y: 1.02, yanchor: "bottom"},
     xaxis: axis(kind.title, {showgrid: false}), yaxis: axis("contingencies", {nticks: 4})});
 }

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from gridfold.cards import Card
+from gridfold.errors import require_list
 from gridfold.grid.case import Case, UnitKey
 from gridfold.grid.events import BranchFault, BusFault
 from gridfold.systems.status import Status
@@ -19,8 +20,13 @@ if TYPE_CHECKING:
 Fault = BusFault | BranchFault
 
 
-@dataclass(frozen=True)
-class ClearingTime:
+def require_faults(faults: object) -> None:
+    """Raise an OptionError unless these are faults."""
+    require_list(faults, lambda item: isinstance(item, Fault), "faults", "[gridfold.BusFault(3)]")
+
+
+@dataclass(frozen=True, repr=False)
+class ClearingTime(Card):
     """Critical clearing time of one fault.
 
     Parameters
@@ -57,6 +63,18 @@ class ClearingTime:
     def failed(self) -> bool:
         """Whether it could not be found."""
         return bool(self.reason)
+
+    def _facts(self) -> dict[str, object]:
+        from gridfold.runs.clearing.rows import place_of
+
+        place: dict[str, object] = {"title": place_of(self.fault)}
+        if self.failed:
+            return place | {"not found": self.reason}
+        least = "" if self.bounded else "at least "
+        facts = place | {"seconds": f"{least}{self.seconds:g}", "runs": self.runs}
+        if self.lost_at is not None:
+            facts["lost at"] = f"{self.lost_at:g} s"
+        return facts if self.machine is None else facts | {"first machine": str(self.machine)}
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,7 +18,7 @@ from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.lanes import WIDTH
 from gridfold.numerics.steppers import Stepper
 from gridfold.runs.batch import simulate_chains, why_single
-from gridfold.runs.clearing.found import ClearingTime, ClearingTimes, Fault
+from gridfold.runs.clearing.found import ClearingTime, ClearingTimes, Fault, require_faults
 from gridfold.runs.clearing.kept import kept_times
 from gridfold.runs.clearing.search import TimeGrid
 from gridfold.runs.clearing.single import Simulator
@@ -93,6 +93,7 @@ def critical_clearing_times(
     OptionError
         Times make no sense, or the folder holds others.
     """
+    require_faults(faults)
     for fault in faults:
         fault.changes(model.case)
     grid = TimeGrid(resolution, longest, t_end)

@@ -8,7 +8,7 @@ from typing import Protocol
 from gridfold.dynamics.model import DetailedModel
 from gridfold.grid.events import Event
 from gridfold.numerics.steppers import Stepper
-from gridfold.runs.clearing.found import ClearingTime, Fault
+from gridfold.runs.clearing.found import ClearingTime, Fault, require_faults
 from gridfold.runs.clearing.search import TimeGrid
 from gridfold.runs.clearing.trials import Trials, verdict_of
 from gridfold.runs.simulate import ModelStore, simulate
@@ -66,6 +66,7 @@ def critical_clearing_time(
     simulator : callable
         What simulates a disturbance; the detailed model by default.
     """
+    require_faults([fault])
     trials = Trials([fault], TimeGrid(resolution, longest, t_end))
     store: ModelStore = {}
     while (trial := trials.due()) is not None:

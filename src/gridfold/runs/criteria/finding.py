@@ -6,7 +6,11 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from gridfold.cards import Card
 from gridfold.grid.criteria import Criterion
+
+#: What separates names of criteria where several stand in a text.
+BETWEEN = "; "
 
 
 class Verdict(Enum):
@@ -17,8 +21,8 @@ class Verdict(Enum):
     OPEN = "not judged"
 
 
-@dataclass(frozen=True)
-class Finding:
+@dataclass(frozen=True, repr=False)
+class Finding(Card):
     """A criterion held against a run.
 
     Parameters
@@ -65,6 +69,16 @@ class Finding:
     def name(self) -> str:
         """Name of the criterion."""
         return str(self.criterion)
+
+    def _facts(self) -> dict[str, object]:
+        margin = "" if self.margin is None else f"{self.margin:+.3g} {self.unit}"
+        facts = {
+            "title": self.name,
+            "verdict": self.verdict.value,
+            "margin": margin,
+            "why": self.told,
+        }
+        return {name: text for name, text in facts.items() if text}
 
     def noted(self, *notes: str) -> Finding:
         """The same with further notes."""

@@ -158,7 +158,7 @@ def monitored(
     OptionError
         A part of the text has no meaning, or names what is not there: all such parts.
     """
-    parsed = parse_monitor(monitor, what) if isinstance(monitor, str) else monitor
+    parsed = monitor if isinstance(monitor, Monitor) else parse_monitor(monitor, what)
     builder = _Builder(model, study)
     quantities: list[Quantity] = []
     faults: list[str] = []

@@ -12,7 +12,9 @@ alone it is about what tables hold by default.
 
 from __future__ import annotations
 
+import difflib
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gridfold.errors import OptionError
@@ -75,32 +77,62 @@ def parse_monitor(text: str, what: str = "monitor") -> Monitor:
     OptionError
         A part of the text has no meaning: names all such parts.
     """
+    if not isinstance(text, str):
+        raise OptionError(
+            f"{what}: it is a text such as 'flow 101-103, voltage area:1', not {text!r}"
+        )
+    if not text.strip():
+        raise OptionError(
+            f"{what}: it is empty; it begins with a quantity, such as voltage or flow"
+        )
     faults: list[str] = []
-    every = 1
+    steps: list[int] = []
     parts: list[tuple[str, list[str]]] = []
     for piece in pieces_of(text, what):
         begins = _BEGINS.fullmatch(piece)
         word = begins[1].lower() if begins else ""
-        if begins and word == "every":
-            every = _every(begins[2], faults)
+        if not piece:
+            faults.append(f"a comma of {text[:_SHOWN]!r} has nothing beside it")
+        elif begins and word == "every":
+            steps.append(_every(begins[2] or "", faults))
         elif begins and word not in _SELECTING:
             parts.append((begins[1], [begins[2] or ""]))
+        elif parts and parts[-1][0].lower() == "interface" and _names_another(piece):
+            parts.append(("interface", [piece]))
         elif parts:
             parts[-1][1].append(piece)
         else:
             faults.append(f"{piece[:_SHOWN]!r} has no quantity before it, such as voltage or flow")
     statements = [_statement(kind, places, what, faults) for kind, places in parts]
+    faults.extend(_given_twice(statements, steps))
     if faults:
         raise OptionError(f"{what}: {'; '.join(faults)}")
-    return Monitor(tuple(statements), every)
+    return Monitor(tuple(statements), steps[0] if steps else 1)
 
 
-def _every(text: str | None, faults: list[str]) -> int:
-    match = re.fullmatch(r"([0-9]{1,9})(?:\s*steps?)?", (text or "").strip())
+def _every(text: str, faults: list[str]) -> int:
+    match = re.fullmatch(r"([0-9]{1,9})(?:\s*steps?)?", text.strip())
     if match is None or int(match[1]) < 1:
-        faults.append(f"'every' is followed by a number of steps, such as every 5, not {text!r}")
+        instead = f", not {text!r}" if text else ""
+        faults.append(f"'every' is followed by a number of steps, such as every 5{instead}")
         return 1
     return int(match[1])
+
+
+def _names_another(piece: str) -> bool:
+    """Whether a part of an interface's text begins the next one, as ``EAST = 104-105``."""
+    labelled = _LABEL.fullmatch(piece)
+    return labelled is not None and labelled[1].lower() not in _SELECTING | GROUP_KINDS.keys()
+
+
+def _given_twice(statements: Sequence[Statement], steps: Sequence[int]) -> Iterator[str]:
+    """What contradicts itself: an interface with other lines, other steps."""
+    if len(set(steps)) > 1:
+        yield f"'every' is given twice, with {steps[0]} and {steps[1]} steps"
+    lines: dict[str, str] = {}
+    for item in statements:
+        if item.label is not None and lines.setdefault(item.label, item.places) != item.places:
+            yield f"interface {item.label} is given twice, as {lines[item.label]} and {item.places}"
 
 
 def _statement(kind: str, pieces: list[str], what: str, faults: list[str]) -> Statement:
@@ -119,5 +151,11 @@ def _statement(kind: str, pieces: list[str], what: str, faults: list[str]) -> St
     try:
         parse_selection(statement.places, name, statement.word)
     except OptionError as error:
-        faults.append(str(error))
+        faults.append(f"{error}{'' if name in known else _alike(name, known)}")
     return statement
+
+
+def _alike(name: str, known: Sequence[str]) -> str:
+    """A hint at the quantity that a word is like; it may be a signal of machines as it is."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
