@@ -8,6 +8,7 @@ from row_of_areas import row_of_areas
 
 import gridfold as gf
 from gridfold.dynamics.area_model import BoundaryCoupling
+from gridfold.equivalents import choice
 from gridfold.equivalents.area_bases import PORT_TOLERANCE
 from gridfold.equivalents.choice import ModelSettings, ReductionSettings, RetainSettings
 from gridfold.equivalents.families import Mode, ReducedExternal, WholeSystem
@@ -270,3 +271,13 @@ def test_no_more_than_half_of_the_machines_are_retained_if_nothing_is_asked_for(
     assert len(RetainSettings(column_norm=1.0).choose(parts, swings)) == 3
     chosen = RetainSettings().choose(parts, swings)
     assert set(chosen) == set(sorted(norms, key=norms.get)[2:])
+
+
+def test_units_without_a_norm_do_not_count_among_which_half_is_retained(parts, monkeypatch):
+    """Loads that follow the frequency stand among the external units."""
+    coupling = couple(parts)
+    loads = tuple(gf.UnitKey(unit.bus, "load-1") for unit in coupling.units) * 2
+    norms = np.concatenate([coupling.norms, np.zeros(len(loads))])
+    beside = replace(coupling, units=(*coupling.units, *loads), norms=norms)
+    monkeypatch.setattr(choice, "couple", lambda parts: beside)
+    assert len(RetainSettings().choose(parts, ())) == 2

@@ -119,7 +119,8 @@ class RetainSettings:
         coupling = couple(parts)
         if self.column_norm is not None:
             return coupling.kept(self.column_norm)
-        return coupling.kept(max(COLUMN_NORM, float(np.median(coupling.norms))))
+        seen = coupling.norms[coupling.norms > 0]  # loads that follow the frequency have none
+        return coupling.kept(max(COLUMN_NORM, float(np.median(seen)) if len(seen) else 0.0))
 
 
 @dataclass(frozen=True)
