@@ -30,6 +30,7 @@ from gridfold.dynamics.unit_limits import limits_touched, touched_held
 from gridfold.equivalents.model_kind import ReducerKind
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
+from gridfold.numerics.chained_form import chained_form
 from gridfold.numerics.modal_form import modal_form
 from gridfold.partition import Coupling, Partition, couple, linearize_external
 from gridfold.reduction import BalancedTruncation, Reducer, Reduction
@@ -397,7 +398,7 @@ class WholeSystem(Card):
     def linear(self, model: DetailedModel) -> SmallModel:
         """Everything linear, equation (17), in modal coordinates where the modes can be told apart."""
         jacobian, drift = self._jacobian(model), model.compiled(self.origin)
-        form = modal_form(jacobian)
+        form = chained_form(jacobian)
         if form is None:
             dense = DenseSystem(jacobian, drift)
             return SmallModel(dense, StateMap.identity(self.origin), 0, model.layout.source_units)

@@ -48,7 +48,7 @@ from gridfold.equivalents.serving import (
 from gridfold.equivalents.swings import Swings, port_swings, sample_swings
 from gridfold.errors import OptionError
 from gridfold.grid.case import UnitKey
-from gridfold.numerics.modal_form import modal_form
+from gridfold.numerics.chained_form import chained_form
 from gridfold.partition import Coupling, Partition, couple
 from gridfold.partition.port_area import PortArea, interface_weights, linearize_ports
 from gridfold.partition.ports import Ports, feeding_units, find_ports
@@ -182,7 +182,7 @@ class FoldedArea(Card):
         drift = model.compiled(self.origin)
         a = np.vstack([moved[places.exact_index], self._restricted(moved[places.area_index])])
         offset = np.r_[drift[places.exact_index], self._restricted(drift[places.area_index])]
-        form, point = modal_form(a), places.restrict(self.origin)
+        form, point = chained_form(a), places.restrict(self.origin)
         system: System
         if form is None:
             system, states = DenseSystem(a, offset), StateMap.identity(point)

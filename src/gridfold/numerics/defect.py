@@ -8,6 +8,8 @@ exactly. For e = S^T w in modes that come close to those of f, w' = L w, the res
 
     w' = L w + g(t, w),   g = T (f(y + S^T w) - y') - L w
 
+What modes drive by links (:mod:`gridfold.numerics.mode_links`) is a part of g.
+
 An exponential integrator solves it: the modes by their exponentials, g as a cubic over each step whose
 slopes come from the neighbours (Hochbruck & Ostermann, Acta Numerica 19, 2010, pp. 209-286, section
 2: the phi functions). It does so for a window of steps at a time, by repetition (waveform relaxation:

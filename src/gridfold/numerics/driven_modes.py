@@ -1,4 +1,7 @@
-"""Linear modes under a load that is known at a few times: w' = L w + g(t), g linear between them."""
+"""Linear modes under a load that is known at a few times: w' = L w + N w + g(t), g linear between them.
+
+What a mode drives by the links N counts as a load, linear between the times, too.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +22,12 @@ def drive_modes(
     start: NDArray[np.float64],
     load: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """W at the times, exact for a load that is linear between them.
+    """W at the times, without links exact for a load that is linear between them.
 
     Parameters
     ----------
     form : ModalForm
-        L.
+        L and N.
     times : ndarray, shape (n_times,)
         In seconds.
     start : ndarray, shape (n_modes,)
@@ -43,8 +46,10 @@ def drive_modes(
             raise OptionError(f"{name} has shape {array.shape}, expected {wanted}")
     result = np.empty(shape)
     result[0] = start
-    steps = np.diff(times)
-    _drive(form.eigenvalues, form.partner, steps, np.ascontiguousarray(load), result)
+    steps, loaded = np.diff(times), np.ascontiguousarray(load)
+    _drive(form.eigenvalues, form.partner, steps, loaded, result)
+    for _ in range(form.links.depth):  # each turn follows one link more
+        _drive(form.eigenvalues, form.partner, steps, loaded + form.links.drive(result), result)
     return result
 
 

@@ -46,7 +46,8 @@ class Modes:
         """Some of the modes (n_modes,), pairs as a whole."""
         form, place, same = self.form, np.cumsum(kept) - 1, np.eye(int(kept.sum()))
         partner = place[form.partner[kept]]
-        part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner)
+        links = form.links.only(kept)
+        part = ModalForm(same, same, form.diagonal[kept], form.coupling[kept], partner, links)
         return replace(self, form=part, into=self.into[:, kept], back=self.back[kept])
 
     def lift(self, w: NDArray[np.float64]) -> NDArray[np.float64]:

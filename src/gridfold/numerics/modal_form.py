@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridfold.numerics.blas import one_blas_thread
 from gridfold.numerics.checked_arrays import require_partners, require_shapes
+from gridfold.numerics.mode_links import NO_LINKS, ModeLinks
 
 #: Largest condition number of the eigenvector basis that is accepted.
 CONDITION_LIMIT = 1e10
@@ -24,7 +25,7 @@ class ModalForm:
 
     w_i' = diagonal_i w_i + coupling_i w_partner(i). A real eigenvalue is its own partner, with
     coupling zero. A complex pair alpha +- j beta occupies two neighbours, the first with coupling
-    beta and the second with -beta.
+    beta and the second with -beta. Modes of one rate may drive each other besides, by `links`.
 
     Parameters
     ----------
@@ -36,6 +37,8 @@ class ModalForm:
         Real parts of the eigenvalues.
     coupling : ndarray, shape (n,)
     partner : ndarray of int, shape (n,)
+    links : ModeLinks
+        None where modes can be told apart.
     """
 
     basis: NDArray[np.float64]
@@ -43,12 +46,14 @@ class ModalForm:
     diagonal: NDArray[np.float64]
     coupling: NDArray[np.float64]
     partner: NDArray[np.int64]
+    links: ModeLinks = NO_LINKS
 
     def __post_init__(self) -> None:
         n = len(self.diagonal)
         square = {"basis": (n, n), "inverse": (n, n)}
         require_shapes("a modal form", self, {**square, "diagonal": (n,), "coupling": (n,)})
         require_partners("partners of a modal form", self.partner, n)
+        self.links.require_within(n)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -58,13 +63,13 @@ class ModalForm:
     def derivative(self, w: NDArray[np.float64]) -> NDArray[np.float64]:
         """W' at the modal coordinates `w`, shape (..., n)."""
         rate: NDArray[np.float64] = self.diagonal * w + self.coupling * w[..., self.partner]
-        return rate
+        return rate + self.links.drive(w)
 
     def matrix(self) -> NDArray[np.float64]:
         """The block-diagonal matrix V^-1 A V, shape (n, n)."""
         result = np.diag(self.diagonal)
         result[np.arange(len(result)), self.partner] += self.coupling
-        return result
+        return result + self.links.matrix(len(result))
 
 
 @one_blas_thread
@@ -100,9 +105,18 @@ def modal_form(
     basis[:, first + 1] = (vectors * phase).imag[:, first]
     if n and not np.linalg.cond(basis) <= condition_limit:
         return None
-    inverse = np.linalg.inv(basis)
-    if not np.abs(inverse @ basis - np.eye(n)).max(initial=0.0) <= INVERSE_LIMIT:
-        return None
-    form = ModalForm(basis, inverse, values.real.copy(), values.imag.copy(), partner)
-    residual = np.linalg.norm(basis @ form.matrix() @ form.inverse - a)
-    return form if residual <= residual_limit * np.linalg.norm(a) else None
+    form = ModalForm(
+        basis, np.linalg.inv(basis), values.real.copy(), values.imag.copy(), partner
+    )
+    return form if is_exact(form, a, residual_limit) else None
+
+
+def is_exact(
+    form: ModalForm, a: NDArray[np.float64], residual_limit: float = RESIDUAL_LIMIT
+) -> bool:
+    """Whether a form of `a`, shape (n, n), gives it back, and its inverse is one."""
+    basis, inverse = form.basis, form.inverse
+    if not np.abs(inverse @ basis - np.eye(len(a))).max(initial=0.0) <= INVERSE_LIMIT:
+        return False
+    residual = np.linalg.norm(basis @ form.matrix() @ inverse - a)
+    return bool(residual <= residual_limit * np.linalg.norm(a))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -13,17 +13,18 @@ from gridfold.errors import OptionError
 from gridfold.numerics.checked_arrays import require_shapes
 from gridfold.numerics.compiled import FAST, compile_callback, jit
 from gridfold.numerics.modal_form import ModalForm
+from gridfold.numerics.mode_links import ModeLinks
 from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
-#: Squared magnitude (1/s^2) below which an eigenvalue counts as 0.
-_NO_MOTION = 1e-40
+#: |lambda t| below which what an offset adds is taken from its series, and the terms of that.
+_SERIES, _TERMS = 1.0, 20
 #: Times closer than this, in relation to the step, are the same.
 _SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class ModalSystem:
-    """w' = blockdiag(1x1 and 2x2) w + offset.
+    """w' = L w + N w + offset, with modes L and the links N between some of them.
 
     Parameters
     ----------
@@ -47,10 +48,20 @@ class ModalSystem:
     @property
     def compiled(self) -> CompiledRhs:
         """The right-hand side."""
-        n = len(self.offset)
-        integers = np.concatenate([[n], self.form.partner]).astype(np.int64)
-        reals = np.concatenate([self.form.diagonal, self.form.coupling, self.offset])
+        n, form, links = len(self.offset), self.form, self.form.links
+        integers = np.concatenate(
+            [[n, len(links.gains)], form.partner, links.driven, links.driving]
+        ).astype(np.int64)
+        reals = np.concatenate([form.diagonal, form.coupling, self.offset, links.gains])
         return CompiledRhs(_compiled().address, integers, reals, 0, n)
+
+    @cached_property
+    def _offsets(self) -> NDArray[np.float64]:
+        """N^k offset for k = 0, 1 ... up to the depth of the links, one a row."""
+        rows, links = [self.offset], self.form.links
+        for _ in range(links.depth):
+            rows.append(links.drive(rows[-1]))
+        return np.array(rows)
 
     def states_after(
         self,
@@ -60,8 +71,9 @@ class ModalSystem:
     ) -> NDArray[np.float64]:
         """States at the times `elapsed` (s), in ascending order, after the state `start`.
 
-        Each mode is an exponential. It is carried over steps of equal length by one multiplication;
-        the first time, and any that lies on no such step, is computed from `start`.
+        Each mode is an exponential, times a polynomial where modes are linked. It is carried over steps of
+        equal length by one multiplication; the first time, and any that lies on no such step, is
+        computed from `start`.
 
         Returns
         -------
@@ -74,8 +86,9 @@ class ModalSystem:
             raise OptionError(
                 f"states of shape {states.shape} from {np.shape(start)}, expected {shape}"
             )
+        links = form.links.driven, form.links.driving, form.links.gains
         _fill(
-            form.diagonal, form.coupling, form.partner, self.offset,
+            form.eigenvalues, form.partner, links, self._offsets,
             np.ascontiguousarray(start, dtype=np.float64), elapsed, _inner_step(elapsed), states,
         )  # fmt: skip
         return states
@@ -93,6 +106,7 @@ class ModalSystem:
         bounds = np.zeros(len(rows))
         with np.errstate(over="ignore"):
             size = np.abs(start) + np.abs(self.offset) * span
+            size = _summed(size, span, form.links.sizes())
             size *= np.exp(np.maximum(form.diagonal, 0.0) * span)
         _bound(form.partner, size, np.ascontiguousarray(rows), bounds)
         return bounds
@@ -103,22 +117,49 @@ def _inner_step(elapsed: NDArray[np.float64]) -> float:
     return float(elapsed[-2] - elapsed[1]) / (len(elapsed) - 3) if len(elapsed) > 3 else 0.0
 
 
+def _summed(w: NDArray[np.float64], t: float, links: ModeLinks) -> NDArray[np.float64]:
+    """Exp(N t) w."""
+    term, result = w, w
+    for k in range(links.depth):
+        term = links.drive(term) * (t / (k + 1))
+        result = result + term
+    return result
+
+
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
-def _fill(diagonal, coupling, partner, offset, start, elapsed, step, states):
+def _fill(eigenvalues, partner, links, offsets, start, elapsed, step, states):
     """Solution from `start`: rows of `states` at the times `elapsed`, most of them `step` apart."""
     n = len(start)
-    one_step, since_start = np.empty((3, n)), np.empty((3, n))
-    _propagator(diagonal, coupling, partner, offset, step, one_step)
+    one_step, since_start, space = np.empty((3, n)), np.empty((3, n)), np.empty((3, n))
+    _propagator(eigenvalues, partner, offsets, step, one_step)
     anchor, count = 0.0, 0
     for row in range(len(elapsed)):
         count += 1
         late = elapsed[row] - (anchor + count * step)
         if row > 0 and abs(late) <= _SAME_TIME * step:
-            _propagate(one_step, partner, states[row - 1], states[row])
+            _follow(links, len(offsets) - 1, step, states[row - 1], space)
+            _propagate(one_step, partner, space[0], states[row])
         else:
-            _propagator(diagonal, coupling, partner, offset, elapsed[row], since_start)
-            _propagate(since_start, partner, start, states[row])
+            _propagator(eigenvalues, partner, offsets, elapsed[row], since_start)
+            _follow(links, len(offsets) - 1, elapsed[row], start, space)
+            _propagate(since_start, partner, space[0], states[row])
             anchor, count = elapsed[row], 0
+
+
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
+def _follow(links, depth, t, w, space):
+    """Exp(N t) w in the first row of `space`; the others are scratch."""
+    driven, driving, gains = links
+    space[0] = w
+    before, now = 1, 2
+    if depth > 0:
+        space[before] = w
+    for k in range(depth):
+        space[now] = 0.0
+        for i in range(len(gains)):
+            space[now, driven[i]] += gains[i] * t / (k + 1) * space[before, driving[i]]
+        space[0] += space[now]
+        before, now = now, before
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
@@ -128,30 +169,33 @@ def _propagate(propagator, partner, w, w_new):
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
-def _propagator(diagonal, coupling, partner, offset, t, propagator):
-    """Factors of w_i and w_partner(i), and what the offset adds, in the time t.
+def _propagator(eigenvalues, partner, offsets, t, propagator):
+    """Factors of w_i and w_partner(i), and what the offset adds, in the time t."""
+    for i in range(len(eigenvalues)):
+        rate, p = eigenvalues[i], partner[i]
+        decay = np.exp(rate * t)
+        propagator[0, i], propagator[1, i] = decay.real, decay.imag
+        ramp, added = 0j, 0.0
+        for k in range(len(offsets)):
+            ramp = _ramp(rate, t, decay, k, ramp)
+            added += ramp.real * offsets[k, i] + ramp.imag * offsets[k, p]
+        propagator[2, i] = added
 
-    With z = (alpha + j beta) t: real and imaginary part of exp(z); the offset is multiplied by
-    t (exp(z) - 1) / z, whose limit is t for an eigenvalue of 0.
-    """
-    for i in range(len(diagonal)):
-        p = partner[i]
-        if p < i:
-            continue
-        alpha, beta = diagonal[i], coupling[i]
-        growth, cosine, sine = np.exp(alpha * t), np.cos(beta * t), np.sin(beta * t)
-        # exp(z) - 1, without cancellation where z is small
-        real = np.expm1(alpha * t) * cosine - 2 * np.sin(beta * t / 2) ** 2
-        imaginary = growth * sine
-        square = alpha**2 + beta**2
-        own, other = t, 0.0
-        if square > _NO_MOTION:
-            own = (real * alpha + imaginary * beta) / square
-            other = (imaginary * alpha - real * beta) / square
-        propagator[0, i], propagator[0, p] = growth * cosine, growth * cosine
-        propagator[1, i], propagator[1, p] = imaginary, -imaginary
-        propagator[2, i] = own * offset[i] + other * offset[p]
-        propagator[2, p] = own * offset[p] - other * offset[i]
+
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
+def _ramp(rate, t, decay, k, before):
+    """Integral of exp(rate s) s^k / k! from 0 to t, with decay = exp(rate t); `before` is that of k - 1."""
+    z = rate * t
+    power = 1.0
+    for m in range(k):
+        power *= t / (m + 1)
+    if abs(z) >= _SERIES:
+        return (power * decay - (before if k > 0 else 1.0)) / rate
+    term, total = 1.0 + 0j, 0j
+    for m in range(_TERMS):
+        total += term / (m + k + 1)
+        term *= z / (m + 1)
+    return power * t * total
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
@@ -169,9 +213,12 @@ def _bound(partner, size, rows, bounds):
 
 
 def _modal_rhs(integers, reals, work, w, dw):
-    n = integers[0]
+    n, n_links = integers[0], integers[1]
     for i in range(n):
-        dw[i] = reals[i] * w[i] + reals[n + i] * w[integers[1 + i]] + reals[2 * n + i]
+        dw[i] = reals[i] * w[i] + reals[n + i] * w[integers[2 + i]] + reals[2 * n + i]
+    for i in range(n_links):
+        driven, driving = integers[2 + n + i], integers[2 + n + n_links + i]
+        dw[driven] += reals[3 * n + i] * w[driving]
 
 
 @cache
