@@ -18,7 +18,7 @@ from gridfold.equivalents.families import Mode, ModelFamily
 from gridfold.partition import linearize_external
 from gridfold.runs.loading import load_psse
 from gridfold.simulation import Segment, run_segments
-from gridfold.systems.dense import DenseSystem
+from gridfold.systems.modal import ModalSystem
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data"))
@@ -206,17 +206,18 @@ def test_a_hybrid_model_whose_kept_machines_reach_limits_gives_way_to_the_detail
     assert rms_deg("ieee39", run) < 1e-8
 
 
-def test_two_lags_in_a_row_with_one_time_constant_have_no_modal_form_and_need_none():
+def test_two_lags_in_a_row_with_one_time_constant_are_linked():
     """The New England governors have two of 999 s; a mode that occurs twice in a chain."""
     small = whole("ieee39").get(parts_of("ieee39").model, LINEAR)
-    assert isinstance(small.system, DenseSystem)
+    assert isinstance(small.system, ModalSystem)
+    assert small.system.form.links.gains.size == 10
     assert (
         gf.reduce(parts_of("ieee39"), gf.BalancedTruncation(tolerance=1e-11)).reduction.order > 70
     )
 
 
 def test_without_modal_form_a_linear_run_equals_the_matrix_exponential(monkeypatch):
-    monkeypatch.setattr("gridfold.equivalents.families.modal_form", lambda matrix: None)
+    monkeypatch.setattr("gridfold.equivalents.families.chained_form", lambda matrix: None)
     parts = parts_of("own")
     model = parts.model
     small = gf.whole_system(parts).linear(model)

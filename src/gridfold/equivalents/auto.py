@@ -110,8 +110,7 @@ def choose_model(
     tolerant = None if tolerance is None else TolerantModel(family, tolerance)
     spent = clock.perf_counter() - began
     if tolerant is not None and not tolerant.rules:
-        why = f"no cheaper model keeps {tolerance:g} degrees after faults at boundary buses"
-        return Chosen(detailed, f"{runs}; {why}")
+        return Chosen(detailed, f"{runs}; {tolerant.told}")
     reduced, why = _predicted(family, tolerant, work, step)
     if spent + reduced > FACTOR * total:
         return Chosen(detailed, f"{runs}; {why}")

@@ -295,6 +295,11 @@ class ErrorTrail:
         )  # fmt: skip
 
 
+def errors_travel_in(area: FoldedArea) -> bool:
+    """Whether errors of runs on the intact network could be estimated with modes of this area."""
+    return isinstance(area.whole(area.parts.model).system, ModalSystem)
+
+
 def _modes_of(small: SmallModel | None) -> Modes | None:
     if small is None or not isinstance(small.system, ModalSystem):
         return None

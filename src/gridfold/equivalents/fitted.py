@@ -6,7 +6,8 @@ order; how many machines are retained; and up to which angle everything may be l
 instead stays as it is.
 
 An area that is finer than all candidates is reduced first. The candidates for the bound are truncations
-of its bases. Errors travel in it, too (:mod:`gridfold.equivalents.error_estimate`).
+of its bases. Errors travel in it, too (:mod:`gridfold.equivalents.error_estimate`): if they cannot,
+nothing else is made.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from gridfold.equivalents.error_estimate import FINE_TOLERANCE, errors_travel_in
 from gridfold.equivalents.families import Mode
 from gridfold.equivalents.fit import Fit, TriedCount
 from gridfold.equivalents.folded import FoldedArea, fold
@@ -47,7 +49,7 @@ from gridfold.runs.method import fit_stepper
 #: Bounds of the reduction that are tried, in p.u. of port voltage. The finest is ten times that of the
 #: area in which errors travel, so that an estimate sees what is left out.
 BOUNDS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-#: Bound of the finest area.
+#: Bound of the finest area where the bound of the reduction is chosen.
 FINEST = 1e-5
 #: Part of the tolerance by which a truncation may move angles in sample swings.
 TRUNCATION_SHARE = 0.05
@@ -97,7 +99,8 @@ def fit_ladder(
     Returns
     -------
     Ladder
-        With what decided in its `fit`.
+        With what decided in its `fit`. Where errors of runs cannot be estimated no run can keep a
+        tolerance: then it has the finest area alone, and nothing is chosen.
 
     Raises
     ------
@@ -111,7 +114,10 @@ def fit_ladder(
     method = fit_stepper(parts.model, stepper).stepper
     samples = sample_swings(parts, stepper=stepper) if swings is None else swings
     fitting = _Fitting(parts, tolerance_deg, method, samples, reducer, slow_modes, weights, known)
-    fine, linear, fit = fitting.linear_area()
+    fine = fitting.finest()
+    if not errors_travel_in(fine):
+        return Ladder((fine,), fine=fine)
+    linear, fit = fitting.linear_area(fine)
     if retained is None:
         near, fit = fitting.near_area(fit, linear)
     else:
@@ -133,19 +139,23 @@ class _Fitting:
     weights: Weights
     known: Fit | None
 
-    def linear_area(self) -> tuple[FoldedArea | None, FoldedArea, Fit]:
-        """The area in which errors travel, if it was made, and that with all machines linear."""
-        fine = bound = truncation = None
+    def finest(self) -> FoldedArea:
+        """The area in which errors travel."""
+        bound = FINEST if self.reducer is None else FINE_TOLERANCE
+        finest = BalancedTruncation(bound, slow_modes=self.slow_modes)
+        return fold(self.parts, (), finest, self.weights, self.swings)
+
+    def linear_area(self, fine: FoldedArea) -> tuple[FoldedArea, Fit]:
+        """The area with all machines linear, and what decided it."""
+        bound = truncation = None
         if self.reducer is not None:
             area = fold(self.parts, (), self.reducer, self.weights, self.swings)
         else:
-            finest = BalancedTruncation(FINEST, slow_modes=self.slow_modes)
-            fine = fold(self.parts, (), finest, self.weights, self.swings)
             area, bound, truncation = self._truncated(fine)
         if self.known is not None:
-            return fine, area, self.known
+            return area, self.known
         whole = self._whole_deg(area)
-        return fine, area, Fit(self.tolerance_deg, self._error(area), whole, bound, truncation)
+        return area, Fit(self.tolerance_deg, self._error(area), whole, bound, truncation)
 
     def near_area(self, fit: Fit, linear: FoldedArea) -> tuple[FoldedArea | None, Fit]:
         """The area with as many machines retained as the tolerance asks for, and what decided it."""

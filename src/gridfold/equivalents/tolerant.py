@@ -58,8 +58,8 @@ class TolerantModel(Card):
         The models; without a rung that is cheaper than the detailed one all runs are detailed.
     tolerance_deg : float
         Root mean square error of the worst rotor angle of the study area against the centre of
-        inertia, in degrees; 0 makes all runs detailed. Rungs that miss it in all runs after faults at
-        a few boundary buses are not tried.
+        inertia, in degrees; 0 makes all runs detailed, and so does a grid on which errors cannot be
+        estimated. Rungs that miss it in all runs after faults at a few boundary buses are not tried.
     most : int, optional
         Other topologies of which models are kept, the last used; all of them by default.
 
@@ -95,6 +95,8 @@ class TolerantModel(Card):
             self.estimator = ErrorEstimator(ladder.parts, most=most, area=ladder.fine)
         self.cheap = bool(self.rules)
         self.share = 1.0
+        if self.estimator is not None and not self.estimator.possible:
+            self.rules = ()
         if self.rules:
             self._keep_what_fits(ladder)
 
@@ -105,6 +107,11 @@ class TolerantModel(Card):
             return "with a tolerance of 0 degrees all runs are detailed"
         if not self.cheap:
             return "no reduced model is cheaper than the detailed one: all runs are detailed"
+        if self.estimator is not None and not self.estimator.possible:
+            return (
+                "errors of reduced models cannot be estimated, since modes of the linear system "
+                "coincide: all runs are detailed"
+            )
         if not self.rules:
             return (
                 f"no reduced model keeps a tolerance of {self.tolerance_deg:g} degrees after the "
@@ -191,8 +198,6 @@ class TolerantModel(Card):
     def _try(self, simulation: AdaptiveSimulation, criteria: Sequence[Criterion] = ()) -> _Tried:
         """Take a run to its end, or as far as it may still be within the tolerance."""
         assert self.estimator is not None
-        if not self.estimator.possible:
-            return _Tried(Attempt(_highest(simulation), None, "its error cannot be estimated"))
         trail = ErrorTrail(self.estimator)
         for until in (simulation.after_events(PROBE), inf):
             status = simulation.advance(until)
