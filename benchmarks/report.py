@@ -113,6 +113,14 @@ def write(name: str, *parts: object) -> Path:
     return path
 
 
+def sections_of(name: str) -> dict[str, str]:
+    """Sections of a fragment that was written before, by title; empty where there is none."""
+    path = GENERATED / name
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    sections = text.strip().split("\n\n## ")[1:]
+    return {section.partition("\n")[0]: f"## {section}" for section in sections}
+
+
 def _processor() -> str:
     """Model of the processor, from the system where it tells."""
     cpuinfo = Path("/proc/cpuinfo")

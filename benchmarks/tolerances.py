@@ -1,25 +1,29 @@
 """Runs within a tolerance, on several grids: true errors, estimates, rungs in use and cost.
 
 No threshold, order or list of machines is given: the tolerance is the only number. The large cases are
-read from the folder of public cases (GRIDFOLD_CASES); those that are not there are left out.
+read from the folder of public cases (GRIDFOLD_CASES); those that are not there are left out. With
+a part of a grid's name as argument only its section of the page is measured anew.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from chain import chain
-from report import ROOT, Goal, Section, Table, machine, one_thread, write
+from report import ROOT, Goal, Section, Table, machine, one_thread, sections_of, write
 
 from gridfold import (
     BranchFault,
     BusFault,
+    DetailedModel,
     Ladder,
     OnLimit,
     Partition,
@@ -40,6 +44,9 @@ from gridfold.grid.events import Event
 from gridfold.partition import study_buses
 
 CASES = Path(os.environ.get("GRIDFOLD_CASES", ROOT / ".." / "shared" / "data")).resolve()
+POLISH = CASES / "polish" / "Data_POLISH.mat"
+WECC240 = "240busWECC_2018_PSS32_fixed_shunts.raw", "240busWECC_2018_PSS.dyr"
+ACTIVSG2000 = "ACTIVSg2000.RAW", "ACTIVSg2000_dynamics.dyr"
 PAGE, SCRIPT = "tolerances.md", "tolerances.py"
 TOLERANCES = (0.1, 0.5, 2.0)
 #: Parts of the critical clearing time, and how many faulted buses of the large grids are taken.
@@ -79,39 +86,66 @@ class Outcome:
     spent: dict[str, float]
 
 
-def main() -> None:
-    """Measure all grids; the page is there after each."""
+def main(part: str = "") -> None:
+    """Measure the grids with this part of a name; the page is there after each."""
     one_thread()
-    sections = []
-    for grid in grids():
-        sections.append(section(grid))
-        print(sections[-1], flush=True)
-        write(PAGE, "# Runs within a tolerance", *sections, machine())
+    sections = sections_of(PAGE) if part else {}
+    for name, make in grids():
+        if part in name:
+            sections[name] = str(section(make(name)))
+            print(sections[name], flush=True)
+            write(PAGE, "# Runs within a tolerance", *sections.values())
 
 
-def grids() -> Iterator[Grid]:
-    """All grids that are there."""
-    npcc = load_case("npcc")
-    parts = partition(build_model(npcc), study_buses(npcc, areas=(1,)))
-    buses = sorted(parts.study_buses)
-    yield Grid("NPCC, faults at the 36 buses", parts, faults(parts, buses))
-    yield Grid(f"NPCC, {LINES} random line faults with trips", parts, lines(parts))
-    four = chain(npcc, 4)
-    yield of_chain("Chain of four NPCC", partition(build_model(four), buses))
-    polish = CASES / "polish" / "Data_POLISH.mat"
-    if polish.exists():
-        model = build_model(load_case(polish))
+def grids() -> Iterator[tuple[str, Callable[[str], Grid]]]:
+    """Names of all grids that are there, and what makes them."""
+    yield "NPCC, faults at the 36 buses", partial(of_npcc, disturb=at_study_buses)
+    yield f"NPCC, {LINES} random line faults with trips", partial(of_npcc, disturb=lines)
+    yield "Chain of four NPCC", of_four
+    if POLISH.exists():
         for zone in (5, 6):
-            name = f"Polish grid, zone {zone}"
-            yield of_chain(name, partition(model, study_buses(model.case, zones=(zone,))))
-    folder = CASES / "wecc240"
-    if folder.exists():
-        files = "240busWECC_2018_PSS32_fixed_shunts.raw", "240busWECC_2018_PSS.dyr"
-        yield of_chain("WECC240, area 1", of_psse(folder, files, area=1))
-    folder = CASES / "activsg2000"
-    if folder.exists():
-        files = "ACTIVSg2000.RAW", "ACTIVSg2000_dynamics.dyr"
-        yield of_chain("ACTIVSg2000, area 4", of_psse(folder, files, area=4))
+            yield f"Polish grid, zone {zone}", partial(of_polish, zone=zone)
+    for name, folder, area, files in (
+        ("WECC240, area 1", "wecc240", 1, WECC240),
+        ("ACTIVSg2000, area 4", "activsg2000", 4, ACTIVSG2000),
+    ):
+        if (CASES / folder).exists():
+            yield name, partial(of_files, folder=CASES / folder, files=files, area=area)
+
+
+def of_npcc(name: str, disturb: Callable[[Partition], tuple[Disturbance, ...]]) -> Grid:
+    """The built-in case."""
+    case = load_case("npcc")
+    parts = partition(build_model(case), study_buses(case, areas=(1,)))
+    return Grid(name, parts, disturb(parts))
+
+
+def at_study_buses(parts: Partition) -> tuple[Disturbance, ...]:
+    """Faults at all buses of the study area."""
+    return faults(parts, sorted(parts.study_buses))
+
+
+def of_four(name: str) -> Grid:
+    """Four times the built-in case, the first one's area 1 as study area."""
+    case = load_case("npcc")
+    return of_chain(name, partition(build_model(chain(case, 4)), study_buses(case, areas=(1,))))
+
+
+def of_polish(name: str, zone: int) -> Grid:
+    """The Polish grid with a zone as study area."""
+    model = polish_model()
+    return of_chain(name, partition(model, study_buses(model.case, zones=(zone,))))
+
+
+@cache
+def polish_model() -> DetailedModel:
+    """Its model."""
+    return build_model(load_case(POLISH))
+
+
+def of_files(name: str, folder: Path, files: tuple[str, str], area: int) -> Grid:
+    """A grid in PSS/E's files."""
+    return of_chain(name, of_psse(folder, files, area))
 
 
 def of_psse(folder: Path, files: tuple[str, str], area: int) -> Partition:
@@ -203,7 +237,8 @@ def section(grid: Grid) -> Section:
     )  # fmt: skip
     count = len(grid.disturbances)
     caption = f"{count} disturbances of {T_END:g} s; stable ones are compared"
-    return Section(grid.name, SCRIPT, (Table(caption, heads, rows),), goals=tuple(goals))
+    table = Table(caption, heads, rows)
+    return Section(grid.name, SCRIPT, (table,), remarks=(machine(),), goals=tuple(goals))
 
 
 def outcome(parts: Partition, model: TolerantModel, events: Disturbance) -> Outcome | None:
@@ -241,4 +276,4 @@ def spent_in(found: AdaptiveRun) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

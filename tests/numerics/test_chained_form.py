@@ -1,4 +1,4 @@
-"""Modes that coincide in a chain: against the matrix itself, its exponential, and ramps that are known."""
+"""Modes that coincide in a chain: against the matrix, its exponential, and ramps that are known."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Modes of a matrix that coincide in a chain, as those of two equal lags in a row.
 
-Such a matrix has no basis of eigenvectors. So its states are taken in groups that drive each other both
-ways, and each group has modes of its own. Groups that others drive are freed of that, mode by mode, by a
-Sylvester equation. Where both modes have the same rate there is no solution: there a link stays.
+Such a matrix has no basis of eigenvectors. So its states are taken in groups that drive each other
+both ways, and each group has modes of its own. What others drive in a group is taken away mode by mode,
+by a Sylvester equation. That has no solution where both modes have the same rate: there a link stays.
 
 Source: C. A. Bavely, G. W. Stewart, "An algorithm for computing reducing subspaces by block
 diagonalization", SIAM Journal on Numerical Analysis 16 (1979), with groups in place of a Schur form.
@@ -68,7 +68,7 @@ def chained_form(a: Matrix) -> ModalForm | None:
 
 
 def _layers(a: Matrix) -> list[list[Positions]]:
-    """Groups of states that drive each other both ways; those of a layer are driven by layers before."""
+    """Groups of states that drive each other both ways, each driven by groups of layers before."""
     count, group_of = connected_components(a != 0, connection="strong")
     driven, driving = (group_of[index] for index in np.nonzero(a))
     layer_of, deeper = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
@@ -108,8 +108,8 @@ def _side_by_side(
 def _freed(form: ModalForm, drive: Matrix, ends: Positions) -> tuple[Matrix, Matrix]:
     """X and N with (L + drive) X = X (L + N), where N links modes of the same rate alone.
 
-    L holds the modes of `form`. `drive` is strictly lower triangular in layers that end at `ends`; so is
-    X, but for ones on its diagonal.
+    L holds the modes of `form`. `drive` is strictly lower triangular in layers that end at `ends`; so
+    is X, but for ones on its diagonal.
     """
     rates, pairs = form.eigenvalues, _pairs(form)
     back = pairs.conj().T

@@ -105,9 +105,7 @@ def modal_form(
     basis[:, first + 1] = (vectors * phase).imag[:, first]
     if n and not np.linalg.cond(basis) <= condition_limit:
         return None
-    form = ModalForm(
-        basis, np.linalg.inv(basis), values.real.copy(), values.imag.copy(), partner
-    )
+    form = ModalForm(basis, np.linalg.inv(basis), values.real.copy(), values.imag.copy(), partner)
     return form if is_exact(form, a, residual_limit) else None
 
 

@@ -78,4 +78,4 @@ class ModeLinks:
 
 
 #: Where all modes can be told apart.
-NO_LINKS = ModeLinks(*np.zeros((2, 0), dtype=np.int64), np.zeros(0))
+NO_LINKS = ModeLinks(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))

@@ -71,7 +71,7 @@ class ModalSystem:
     ) -> NDArray[np.float64]:
         """States at the times `elapsed` (s), in ascending order, after the state `start`.
 
-        Each mode is an exponential, times a polynomial where modes are linked. It is carried over steps of
+        Each mode is an exponential, times a polynomial where it is linked. It is carried over steps of
         equal length by one multiplication; the first time, and any that lies on no such step, is
         computed from `start`.
 
@@ -184,7 +184,7 @@ def _propagator(eigenvalues, partner, offsets, t, propagator):
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _ramp(rate, t, decay, k, before):
-    """Integral of exp(rate s) s^k / k! from 0 to t, with decay = exp(rate t); `before` is that of k - 1."""
+    """Integral of exp(rate s) s^k / k! from 0 to t; `decay` is exp(rate t), `before` that of k - 1."""
     z = rate * t
     power = 1.0
     for m in range(k):
