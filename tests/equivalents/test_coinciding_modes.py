@@ -108,3 +108,19 @@ def test_where_no_error_can_be_estimated_nothing_else_is_fitted(parts, monkeypat
     )
     found = model.run(parts.model, [gf.BusFault(15, duration=0.02)], 1.0)
     assert [attempt.mode for attempt in found.attempts] == [Mode.DETAILED]
+
+
+def test_an_error_that_cannot_be_followed_is_told_at_once(parts, area, monkeypatch) -> None:
+    monkeypatch.setattr("gridfold.equivalents.error_estimate.MOST", 1e-9)
+    ladder = gf.Ladder((area,), whole=True, fine=area)
+    model = TolerantModel(ladder, 0.5)
+    assert model.rules == ()
+    assert model.told == (
+        "estimated errors of reduced models grow without bound after the sample faults: all runs are "
+        "detailed"
+    )
+    events = [gf.BusFault(15, duration=0.02)]
+    run = gf.simulate_adaptive(parts.model, ladder, gf.SwitchingRule(0.0), events, 2.0)
+    trail = model.estimator.trail(run)
+    assert trail.lost
+    assert trail.estimate() is None

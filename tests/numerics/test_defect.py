@@ -177,3 +177,32 @@ def test_an_array_of_another_shape_is_refused(pendulum, straight, modes) -> None
     times = np.linspace(0, 1, 11)
     with pytest.raises(OptionError, match=r"states has shape \(10, 2\), expected \(11, 2\)"):
         carried(pendulum, modes, straight, times, np.zeros((10, 2)), [0, 0])
+
+
+def test_an_error_that_becomes_too_large_is_not_followed(straight, modes) -> None:
+    """The approximation stands still beside a swing of 1 rad; from row to row nothing else is asked."""
+    times = np.linspace(0, 3, 301)
+    states = np.ascontiguousarray(np.tile([1.0, 0.0], (301, 1)))
+    still = compiled(_still)
+    outputs, way = ANGLE @ modes.into, Way.itself(modes)
+    full, cut = (
+        carry_error(
+            straight,
+            modes,
+            outputs,
+            way,
+            still,
+            times,
+            states,
+            np.zeros(2),
+            (0.05, 0.4),
+            1e-6,
+            most,
+        )
+        for most in (10.0, 1.0)
+    )
+    assert full.rows[-1] == 300
+    assert 0 < cut.rows[-1] < 300
+    np.testing.assert_array_equal(cut.errors[:-1], full.errors[: len(cut.rows) - 1])
+    errors = np.abs(modes.lift(full.errors)[:, 0])
+    assert errors[full.rows <= cut.rows[-1]].max() > 1.0

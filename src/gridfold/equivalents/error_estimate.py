@@ -41,6 +41,8 @@ FINE_TOLERANCE = 1e-4
 STEPS = (0.05, 0.4)
 #: Errors of angles, in rad, that need not be exact.
 LEAST = np.deg2rad(0.01)
+#: Errors of angles, in rad, beyond which they are not followed: a full turn.
+MOST = 2 * np.pi
 #: Part of the mode that moves an angle most from which on a mode counts.
 CARRYING = 0.001
 #: Small models and networks of which what errors need is kept.
@@ -135,29 +137,34 @@ class ErrorEstimator:
         self._frames: dict[tuple[int, int], tuple[AngleFrame, Modes, ErrorFrame]] = {}
 
     @one_blas_thread
-    def focus(self, runs: Iterable[AdaptiveRun]) -> None:
+    def focus(self, runs: Iterable[AdaptiveRun]) -> int:
         """Of the intact network keep the modes that carry the errors of these runs alone.
 
-        Runs that did not reach their end are left out.
+        Runs that did not reach their end, or whose error is lost, are left out. Of the latter the
+        number is returned.
         """
+        lost = 0
         if self._intact is None:
-            return
+            return lost
         self._focused, weights = self._intact, np.zeros(len(self._intact.form.partner))
         for run in runs:
             if run.trajectory.status is not Status.COMPLETED:
                 continue
-            for part in self.trail(run).parts:
+            trail = self.trail(run)
+            lost += trail.lost
+            for part in () if trail.lost else trail.parts:
                 if part.modes is self._intact:
                     moved = np.abs(part.carried.errors).max(axis=0)
                     moved *= np.abs(np.nan_to_num(part.frame.angles)).max(axis=0)
                     weights = np.fmax(weights, np.fmax(moved, moved[self._intact.form.partner]))
         if weights.any():
             self._focused = self._intact.only(weights >= CARRYING * weights.max())
+        return lost
 
     def estimate(self, run: AdaptiveRun) -> ErrorEstimate | None:
         """Errors along a run that reached its end.
 
-        None where the network has no modes in which errors could travel.
+        None where the network has no modes in which errors could travel, or the error is lost.
         """
         return None if self._intact is None else self.trail(run).estimate()
 
@@ -227,22 +234,34 @@ class ErrorPart:
 
 
 class ErrorTrail:
-    """The error along a run, carried from piece to piece as the run goes on."""
+    """The error along a run, carried from piece to piece as the run goes on.
+
+    Attributes
+    ----------
+    lost : bool
+        Whether it came to more than a full turn of an angle, and is not followed from there. Where
+        limits of many linear machines act the equation of the error may be unstable.
+    """
 
     def __init__(self, estimator: ErrorEstimator) -> None:
         self._estimator = estimator
         self._modes, self._last = estimator.first_modes, np.zeros(0)
         self._error = np.zeros(self._modes.slopes.shape[1])
         self.parts: list[ErrorPart] = []
+        self.lost = False
 
     @one_blas_thread
     def follow(self, run: AdaptiveRun | AdaptiveSimulation) -> None:
         """Take up the pieces of the run that have come since."""
         for piece, mode, model in list(run.pieces)[len(self.parts) :]:
+            if self.lost:
+                return
             self.parts.append(self._part(piece, mode, model))
 
-    def estimate(self) -> ErrorEstimate:
-        """What they come to."""
+    def estimate(self) -> ErrorEstimate | None:
+        """What they come to; None if the error is lost."""
+        if self.lost:
+            return None
         parts = self.parts
         return ErrorEstimate(
             self._estimator.units,
@@ -277,6 +296,7 @@ class ErrorTrail:
         if self.parts:
             self._error = self._error + self._last - ends[0]
         carried = self._carried(piece, mode, model, frame)
+        self.lost = bool(carried.rows[-1] < len(piece.times) - 1)
         self._error, self._last = modes.lift(carried.errors[-1]), ends[-1]
         reach = frame.reach(segment, piece.states[carried.rows], carried.errors)
         return ErrorPart(piece, mode, model, modes, frame, carried, *reach)
@@ -291,7 +311,7 @@ class ErrorTrail:
         segment = piece.segment
         return carry_error(
             model.compiled, modes, np.nan_to_num(frame.angles), self._estimator.way(segment, modes),
-            segment.system.compiled, piece.times, piece.states, start, STEPS, LEAST,
+            segment.system.compiled, piece.times, piece.states, start, STEPS, LEAST, MOST,
         )  # fmt: skip
 
 

@@ -93,7 +93,7 @@ class TolerantModel(Card):
         self.estimator = None
         if self.rules:
             self.estimator = ErrorEstimator(ladder.parts, most=most, area=ladder.fine)
-        self.cheap = bool(self.rules)
+        self.cheap, self._lost = bool(self.rules), False
         self.share = 1.0
         if self.estimator is not None and not self.estimator.possible:
             self.rules = ()
@@ -111,6 +111,11 @@ class TolerantModel(Card):
             return (
                 "errors of reduced models cannot be estimated, since modes of the linear system "
                 "coincide: all runs are detailed"
+            )
+        if self._lost:
+            return (
+                "estimated errors of reduced models grow without bound after the sample faults: all "
+                "runs are detailed"
             )
         if not self.rules:
             return (
@@ -175,7 +180,10 @@ class TolerantModel(Card):
             for rule in self.rules
             for fault in faults
         ]
-        self.estimator.focus(whole)
+        self._lost = self.estimator.focus(whole) == len(whole)
+        if self._lost:
+            self.rules = ()
+            return
         climbs: list[list[tuple[float, bool]]] = [[] for _ in faults]
         kept = []
         for rule in self.rules:
@@ -206,6 +214,9 @@ class TolerantModel(Card):
                 return _Tried(Attempt(_highest(simulation), None, refused))
             trail.follow(simulation)
             estimate = trail.estimate()
+            if estimate is None:
+                refused = "the estimate of its error grows without bound"
+                return _Tried(Attempt(_highest(simulation), None, refused))
             worst = estimate.worst_over(simulation.t_end)
             if not worst <= TRUSTED * self.tolerance_deg:
                 refused = "its error is above the tolerance"

@@ -49,7 +49,10 @@ _SERIES, _TERMS = 1.0, 20
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """The error w at some rows of a solution, shape (m, n_modes), and g there."""
+    """The error w at some rows of a solution, shape (m, n_modes), and g there.
+
+    The last row is that of the solution, unless the error became too large to be followed.
+    """
 
     rows: NDArray[np.int64]
     errors: NDArray[np.float64]
@@ -77,6 +80,7 @@ def carry_error(
     start: NDArray[np.float64],
     steps: tuple[float, float],
     least: float,
+    most: float = np.inf,
 ) -> Carried:
     """The error along an approximate solution, in modal coordinates.
 
@@ -102,11 +106,14 @@ def carry_error(
         Step to begin with and the longest one, in seconds; both are rounded to rows of the solution.
     least : float
         Size of the outputs below which they need not be exact.
+    most : float
+        Size of the outputs beyond which the error is not followed.
 
     Returns
     -------
     Carried
-        The error at some rows of the solution, the first and the last among them.
+        The error at some rows of the solution, the first and, if it was followed so far, the last among
+        them.
 
     Raises
     ------
@@ -136,7 +143,7 @@ def carry_error(
         modes.form.eigenvalues, modes.form.partner, modes.places,
         *map(np.ascontiguousarray, (modes.into, modes.back, modes.restrict, outputs, times, states)),
         way.origin, way.exact, way.places, way.linear,
-        *map(np.ascontiguousarray, (way.lift, way.pull)), *strides, least, rows, errors, rest,
+        *map(np.ascontiguousarray, (way.lift, way.pull)), *strides, least, most, rows, errors, rest,
     )  # fmt: skip
     return Carried(rows[:count], errors[:count], rest[:count])
 
@@ -144,7 +151,7 @@ def carry_error(
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _carry(
     whole, own, eigenvalues, partner, kept, into, back, restrict, outputs, times, z,
-    origin, exact, places, linear, lift, pull, stride, longest, least, rows, errors, rest,
+    origin, exact, places, linear, lift, pull, stride, longest, least, most, rows, errors, rest,
 ):  # fmt: skip
     """Fill rows, errors and rest; their number."""
     last, n_modes = len(times) - 1, len(partner)
@@ -163,7 +170,7 @@ def _carry(
     _evaluate(data, way, space, rows, 0, 1, errors, rest)
     node, steps, contraction, known = 0, LONGEST // 4, 1.0, times[-1] - times[0]
     largest = max(least, np.abs(np.dot(errors[:1], outputs.T)).max())
-    while rows[node] < last:
+    while rows[node] < last and largest <= most:
         end = node
         while end - node < steps and rows[end] < last:
             rows[end + 1] = min(rows[end] + stride, last)
@@ -180,7 +187,7 @@ def _carry(
         elif turns == 0 and stride > 1:
             stride = max(1, stride // 2)
         else:
-            largest = max(largest, size)
+            largest = max(largest, size) if np.isfinite(size) else np.inf
             apart = _apart(modes, outputs, at, errors, rest, other, node, end) / largest
             if 0 <= apart <= COARSER:
                 stride = min(2 * stride, longest)
