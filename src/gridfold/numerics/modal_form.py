@@ -105,7 +105,9 @@ def modal_form(
     basis[:, first + 1] = (vectors * phase).imag[:, first]
     if n and not np.linalg.cond(basis) <= condition_limit:
         return None
-    form = ModalForm(basis, np.linalg.inv(basis), values.real.copy(), values.imag.copy(), partner)
+    inverse = np.linalg.inv(basis)
+    inverse = 2 * inverse - inverse @ basis @ inverse  # a step of Newton's method: less rounding
+    form = ModalForm(basis, inverse, values.real.copy(), values.imag.copy(), partner)
     return form if is_exact(form, a, residual_limit) else None
 
 
