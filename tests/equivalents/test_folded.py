@@ -378,3 +378,12 @@ def test_bases_of_a_start_at_limits_obey_the_bound_inside_of_them_too(at_limits)
 
     assert error(bases) < bases.bound < 1e-3
     assert error(held) > 2e-3
+
+
+def test_some_states_that_are_restricted_follow_linearly(npcc, retained):
+    coordinates = retained.build(Mode.WHOLE, npcc).coordinates
+    moved = np.random.default_rng(3).standard_normal(npcc.n_states)
+    expected = coordinates.restrict(npcc.x0 + moved) - coordinates.restrict(npcc.x0)
+    rows = np.array([3, 0, 40])
+    found = coordinates.restriction(rows) @ moved
+    np.testing.assert_allclose(found, expected[rows], rtol=1e-9, atol=1e-9)

@@ -71,14 +71,6 @@ class SmallModel:
         """The states at the positions `index` (m,) as origin + slopes @ v: shapes (m,) and (m, r)."""
         return affine_rows(self.coordinates, self.system.compiled.n_states, index)
 
-    @cached_property
-    def restriction(self) -> NDArray[np.float64]:
-        """How the small model's state changes with the whole system's, shape (r, n_states)."""
-        origin, _ = self.affine
-        at = self.coordinates.restrict(origin)
-        columns = [self.coordinates.restrict(origin + unit) - at for unit in np.eye(len(origin))]
-        return np.ascontiguousarray(np.column_stack(columns))
-
 
 def affine_rows(
     coordinates: Coordinates | None, size: int, index: NDArray[np.int64]

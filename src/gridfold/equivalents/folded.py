@@ -282,6 +282,15 @@ class WholeCoordinates:
         """The state w nearest to the whole model's state x."""
         return self.states.restrict(self.places.restrict(x))
 
+    def restriction(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """How the states at `rows` (m,) of w change with the whole model's, (m, n_states)."""
+        places, by = self.places, self.states.restrict_matrix[rows]
+        n_exact = len(places.exact_index)
+        found = np.empty((len(rows), n_exact + len(places.area_index)))
+        found[:, places.exact_index] = by[:, :n_exact]
+        found[:, places.area_index] = by[:, n_exact:] @ places.states.restrict_matrix
+        return found
+
 
 def fold(
     parts: Partition,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridfold.dynamics.descriptor import grid_descriptor
 from gridfold.dynamics.unit_limits import touched_held
-from gridfold.equivalents.folded import FoldedArea
+from gridfold.equivalents.folded import FoldedArea, WholeCoordinates
 from gridfold.errors import OptionError
 from gridfold.systems.descriptor import DescriptorSystem
 from gridfold.systems.modal import ModalSystem
@@ -63,7 +63,8 @@ def compared_modes(area: FoldedArea) -> tuple[ComparedMode, ...]:
     """
     model = area.parts.model
     small = area.whole(model)
-    if not isinstance(small.system, ModalSystem):
+    at = small.coordinates
+    if not isinstance(small.system, ModalSystem) or not isinstance(at, WholeCoordinates):
         return ()
     form, (_, lift) = small.system.form, small.affine
     units = tuple(unit for unit in area.study_units if unit in model.machines)
@@ -71,7 +72,7 @@ def compared_modes(area: FoldedArea) -> tuple[ComparedMode, ...]:
     first = np.flatnonzero((form.coupling > 0) & (form.partner > np.arange(len(form.diagonal))))
     values = form.diagonal[first] + 1j * form.coupling[first]
     shapes = lift[first] + 1j * lift[form.partner[first]]
-    weights = small.restriction[first] - 1j * small.restriction[form.partner[first]]
+    weights = at.restriction(first) - 1j * at.restriction(form.partner[first])
     part = np.abs(shapes[:, rows] * weights[:, rows]).sum(axis=1)
     swing = (values.imag >= 2 * np.pi * SLOWEST) & (values.imag <= 2 * np.pi * FASTEST)
     strongest = part[swing].max(initial=0.0)
