@@ -88,7 +88,7 @@ def test_a_ladder_moves_with_both_areas_and_keeps_its_costs(npcc, ladder):
         np.testing.assert_allclose(again, point.x, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(moved.origin, point.x)
     assert moved.step_seconds == known.step_seconds
-    assert moved.rungs == ladder.rungs
+    assert moved.modes == ladder.moved(model, point).modes == (RETAINED, LINEAR, LINEAR)
 
 
 def test_two_models_have_the_bands_of_the_paper():

@@ -84,12 +84,16 @@ class Ladder(Card):
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """For each band of deviations the cheapest rung that is exact enough for it."""
-        if not self.step_seconds:
-            return self.rungs
+        """For each band of deviations the cheapest rung that is exact enough for it.
+
+        At another operating point nothing is linear throughout: to make that takes longer than its
+        steps save.
+        """
         best, found = Mode.DETAILED, []
         for rung in self.rungs:
-            if self.step_seconds[rung] < self.step_seconds[best]:
+            made = self.place is None or rung is not Mode.WHOLE
+            cost = self.step_seconds
+            if made and (not cost or cost[rung] < cost[best]):
                 best = rung
             found.append(best)
         return tuple(found)
