@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,6 +173,13 @@ class FoldedArea(Card):
 
     def whole(self, model: DetailedModel) -> SmallModel:
         """The same with the study area and the retained machines linear as well, in closed form."""
+        return self._intact if model is self.parts.model else self._whole(model)
+
+    @cached_property
+    def _intact(self) -> SmallModel:
+        return self._whole(self.parts.model)
+
+    def _whole(self, model: DetailedModel) -> SmallModel:
         places = self._places(model)
         n_exact, r = len(places.exact_index), self.states.order
         lift = np.zeros((model.n_states, n_exact + r))
