@@ -226,8 +226,8 @@ def measure() -> Section:
         "evenly over all ends. Loads are constant impedances; dynamic models that gridfold has not "
         "are classical machines, machines without data negative loads, and limits that the start lies "
         "beyond move there. *seconds*: CPU time of the whole study from the files to the last row, by "
-        f"one worker on one thread, the best of {ROUNDS} interleaved rounds; ratios are medians of "
-        "those in each round. *new topologies*: equilibria, linearizations and models after trips, "
+        f"one worker on one thread, {'' if ROUNDS == 1 else f'the best of {ROUNDS} interleaved rounds, '}"
+        "models in turn. *new topologies*: equilibria, linearizations and models after trips, "
         "which are part of the seconds."
     )
     title = "The default model in studies"

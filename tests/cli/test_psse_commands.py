@@ -377,8 +377,14 @@ def test_a_reduced_model_keeps_its_load_model(command, tmp_path, model, how):
 
 def test_where_all_external_machines_are_retained_that_and_why_are_said(command):
     files = (TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr")
-    said = refusal(command, "reduce", *files, "--study-areas", 1)
+    said = refusal(command, "reduce", *files, "--study-areas", 1, "--column-norm", 1)
     assert "all external machines are retained: none is left to be linear" in said
+
+
+def test_without_a_choice_some_external_machine_is_linear(command):
+    files = (TWO_AREAS / "two_areas.raw", TWO_AREAS / "two_areas.dyr")
+    facts = record(command, "reduce", *files, "--study-areas", 1)
+    assert len(facts["kept"]) == 1
 
 
 def test_kundur_skips_the_switching_record_of_andes(command):

@@ -76,7 +76,7 @@ def test_runs_with_the_loaded_ladder_equal_those_with_the_saved_one(saved, ladde
         gf.simulate_adaptive(npcc, family, rule, [event], 4.0)
         for family in (ladder, load_reduced(saved, npcc).family)
     )
-    assert len(set(before.modes)) > 2
+    assert len(set(before.modes)) >= 2
     assert after.switches == before.switches
     np.testing.assert_array_equal(after.trajectory.states, before.trajectory.states)
 
