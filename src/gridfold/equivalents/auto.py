@@ -27,7 +27,7 @@ FACTOR = 0.8
 OFFLINE_PART = 0.1
 #: Seconds that the reductions of a ladder take for each state of the external area, roughly: of areas
 #: whose matrices are formed, and of those that are compressed.
-SECONDS_PER_STATE = (3e-3, 1.5e-2)
+SECONDS_PER_STATE = (3e-3, 4e-3)
 #: How often the detailed step is timed; the fastest counts.
 _TRIES = 3
 #: How much longer reductions take with those for estimates of errors.
