@@ -18,6 +18,8 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 #: |lambda t| below which what an offset adds is taken from its series, and the terms of that.
 _SERIES, _TERMS = 1.0, 20
+#: Size of a term, of 1, from which on the rest of the series is rounding.
+_NO_TERM = 1e-18
 #: Times closer than this, in relation to the step, are the same.
 _SAME_TIME = 1e-9
 
@@ -106,7 +108,8 @@ class ModalSystem:
         bounds = np.zeros(len(rows))
         with np.errstate(over="ignore"):
             size = np.abs(start) + np.abs(self.offset) * span
-            size = _summed(size, span, form.links.sizes())
+            if form.links.gains.size:
+                size = _summed(size, span, form.links.sizes())
             size *= np.exp(np.maximum(form.diagonal, 0.0) * span)
         _bound(form.partner, size, np.ascontiguousarray(rows), bounds)
         return bounds
@@ -137,29 +140,30 @@ def _fill(eigenvalues, partner, links, offsets, start, elapsed, step, states):
         count += 1
         late = elapsed[row] - (anchor + count * step)
         if row > 0 and abs(late) <= _SAME_TIME * step:
-            _follow(links, len(offsets) - 1, step, states[row - 1], space)
-            _propagate(one_step, partner, space[0], states[row])
+            linked = _follow(links, len(offsets) - 1, step, states[row - 1], space)
+            _propagate(one_step, partner, linked, states[row])
         else:
             _propagator(eigenvalues, partner, offsets, elapsed[row], since_start)
-            _follow(links, len(offsets) - 1, elapsed[row], start, space)
-            _propagate(since_start, partner, space[0], states[row])
+            linked = _follow(links, len(offsets) - 1, elapsed[row], start, space)
+            _propagate(since_start, partner, linked, states[row])
             anchor, count = elapsed[row], 0
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
 def _follow(links, depth, t, w, space):
-    """Exp(N t) w in the first row of `space`; the others are scratch."""
+    """Exp(N t) w, in `space` (3, n) where there are links."""
+    if depth == 0:
+        return w
     driven, driving, gains = links
-    space[0] = w
     before, now = 1, 2
-    if depth > 0:
-        space[before] = w
+    space[0] = space[before] = w
     for k in range(depth):
         space[now] = 0.0
         for i in range(len(gains)):
             space[now, driven[i]] += gains[i] * t / (k + 1) * space[before, driving[i]]
         space[0] += space[now]
         before, now = now, before
+    return space[0]
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
@@ -193,8 +197,10 @@ def _ramp(rate, t, decay, k, before):
         return (power * decay - (before if k > 0 else 1.0)) / rate
     term, total = 1.0 + 0j, 0j
     for m in range(_TERMS):
-        total += term / (m + k + 1)
-        term *= z / (m + 1)
+        total += term * (1.0 / (m + k + 1))
+        term *= z * (1.0 / (m + 1))
+        if abs(term) < _NO_TERM:
+            break
     return power * t * total
 
 
