@@ -18,8 +18,8 @@ from gridfold.numerics.rhs import RHS_SIGNATURE, CompiledRhs
 
 #: |lambda t| below which what an offset adds is taken from its series, and the terms of that.
 _SERIES, _TERMS = 1.0, 20
-#: Size of a term, of 1, from which on the rest of the series is rounding.
-_NO_TERM = 1e-18
+#: Squared magnitude (1/s^2) below which an eigenvalue counts as 0.
+_NO_MOTION = 1e-40
 #: Times closer than this, in relation to the step, are the same.
 _SAME_TIME = 1e-9
 
@@ -176,14 +176,35 @@ def _propagate(propagator, partner, w, w_new):
 def _propagator(eigenvalues, partner, offsets, t, propagator):
     """Factors of w_i and w_partner(i), and what the offset adds, in the time t."""
     for i in range(len(eigenvalues)):
-        rate, p = eigenvalues[i], partner[i]
-        decay = np.exp(rate * t)
-        propagator[0, i], propagator[1, i] = decay.real, decay.imag
-        ramp, added = 0j, 0.0
+        p = partner[i]
+        if p < i:
+            continue
+        rate = eigenvalues[i]
+        decay, ramp = _once(rate, t)
+        own, other = 0.0, 0.0
         for k in range(len(offsets)):
-            ramp = _ramp(rate, t, decay, k, ramp)
-            added += ramp.real * offsets[k, i] + ramp.imag * offsets[k, p]
-        propagator[2, i] = added
+            if k > 0:
+                ramp = _ramp(rate, t, decay, k, ramp)
+            own += ramp.real * offsets[k, i] + ramp.imag * offsets[k, p]
+            other += ramp.real * offsets[k, p] - ramp.imag * offsets[k, i]
+        propagator[0, p], propagator[1, p], propagator[2, p] = decay.real, -decay.imag, other
+        propagator[0, i], propagator[1, i], propagator[2, i] = decay.real, decay.imag, own
+
+
+@jit(nogil=True, error_model="numpy", fastmath=FAST)
+def _once(rate, t):
+    """Exp(z) and t (exp(z) - 1) / z for z = rate t; the latter is t where the rate is 0."""
+    alpha, beta = rate.real, rate.imag
+    growth, cosine, sine = np.exp(alpha * t), np.cos(beta * t), np.sin(beta * t)
+    # exp(z) - 1, without cancellation where z is small
+    real = np.expm1(alpha * t) * cosine - 2 * np.sin(beta * t / 2) ** 2
+    imaginary = growth * sine
+    square = alpha**2 + beta**2
+    ramp = complex(t, 0.0)
+    if square > _NO_MOTION:
+        own = (real * alpha + imaginary * beta) / square
+        ramp = complex(own, (imaginary * alpha - real * beta) / square)
+    return complex(growth * cosine, imaginary), ramp
 
 
 @jit(nogil=True, error_model="numpy", fastmath=FAST)
@@ -194,13 +215,11 @@ def _ramp(rate, t, decay, k, before):
     for m in range(k):
         power *= t / (m + 1)
     if abs(z) >= _SERIES:
-        return (power * decay - (before if k > 0 else 1.0)) / rate
+        return (power * decay - before) / rate
     term, total = 1.0 + 0j, 0j
     for m in range(_TERMS):
-        total += term * (1.0 / (m + k + 1))
-        term *= z * (1.0 / (m + 1))
-        if abs(term) < _NO_TERM:
-            break
+        total += term / (m + k + 1)
+        term *= z / (m + 1)
     return power * t * total
 
 
