@@ -148,7 +148,7 @@ def curves(checked: bool) -> dict[str, Any]:
         "run_angles": angles.astype(np.float32),
         "units": np.array(UNITS),
         "switch_times": np.array([0.0, 0.1]),
-        "switch_models": np.array(["detailed", "linear"]),
+        "switch_models": np.array(["detailed", "retained"]),
         "switch_reasons": np.array(["fault on", "within the threshold"]),
     }
     if checked:

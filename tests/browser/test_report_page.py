@@ -423,3 +423,9 @@ def overlap(one: dict[str, float], two: dict[str, float]) -> bool:
         for at, size in (("x", "width"), ("y", "height"))
     )
     return across > 1 and down > 1
+
+
+def test_every_model_in_use_has_a_bar_below_the_curves(small):
+    choose(small, 1)
+    names = small.locator("#curves .y2tick text").all_text_contents()
+    assert [name.strip() for name in names] == ["retained", "detailed"]

@@ -18,10 +18,13 @@ const RUNS = {
   detailed: {label: "detailed run", dash: "dash", css: "dashed", width: 1.7},
   linear: {label: "linear run", dash: "dot", css: "dotted", width: 1.7},
 };
+// From the most exact one down.
 const MODELS = {
   detailed: {color: "#0072B2", pattern: ""},
+  retained: {color: "#E69F00", pattern: "/"},
   hybrid: {color: "#E69F00", pattern: "/"},
   linear: {color: "#999999", pattern: "."},
+  "linear whole": {color: "#CCCCCC", pattern: "\\"},
 };
 // Machines with a colour and a sign of their own; further ones are thin lines.
 const TOLD_APART = 10, BARS = 150;
@@ -478,12 +481,13 @@ function figures(row) {
   add("Critical clearing time", row.critical_clearing_time, () => clearingWords(row));
   add("Checked with the detailed model", row.checked, () => checkedWords(row));
   add("Rotor-angle error", row.error_rms_deg, () => `${degrees(row.error_rms_deg)} RMS (machine ${row.error_machine}), at most ${degrees(row.error_largest_deg)}`);
-  add("Simulated with", row.detailed_s, () => Object.keys(MODELS).filter(model => row[model + "_s"] > 0)
-    .map(model => `${model} ${short(row[model + "_s"], 3)} s`).join(", "));
+  add("Simulated with", row.detailed_s, () => Object.keys(MODELS).filter(model => secondsWith(row, model) > 0)
+    .map(model => `${model} ${short(secondsWith(row, model), 3)} s`).join(", "));
   add("Time on the machine", row.wall_s, () => `${row.wall_s.toPrecision(2)} s`
     + (known(row.wall_check_s) ? `, of that ${row.wall_check_s.toPrecision(2)} s for the check` : ""));
   definitions("figures", pairs.map(([term, text]) => [term, text()]).filter(([, text]) => text));
 }
+const secondsWith = (row, model) => row[model.replaceAll(" ", "_") + "_s"];
 function clearingWords(row) {
   const beyond = row.clearing_time_bounded === false ? "at least " : "";
   const margin = known(row.margin)
@@ -545,7 +549,7 @@ function drawCurves(number) {
   const traces = [...angleTraces(curves, runs, chosen, row), ...bandTraces(bands)];
   if (curves.error) traces.push(errorTrace(curves, runs.run.times));
   const listed = traces.filter(trace => trace.showlegend).map(trace => trace.name);
-  draw("curves", traces, curvesLayout(last, number, Boolean(curves.error), row, listed));
+  draw("curves", traces, curvesLayout(last, number, Boolean(curves.error), row, listed, namesOf(bands)));
   at("curves").setAttribute("aria-label", `Rotor angles, active model and error of ${row.name}`);
   const area = record.map.buses.some(bus => bus.study) ? "Rotor angles of the study area" : "Rotor angles";
   const further = curves.outside.length ? `, and of machines outside it that decided (${curves.outside.map(machineName).join(", ")}),` : "";
@@ -591,9 +595,13 @@ function modelBands(curves, end) {
   return curves.switches.map(([time, model, reason], k) =>
     ({model, from: time, to: curves.switches[k + 1]?.[0] ?? end, reason}));
 }
+function namesOf(bands) {
+  // Models in use, the most exact one first.
+  const used = new Set(bands.map(band => band.model)), known = Object.keys(MODELS).filter(model => used.has(model));
+  return [...known, ...[...used].filter(model => !known.includes(model))];
+}
 function bandTraces(bands) {
-  const models = [...new Set([...bands.map(band => band.model)])];
-  return models.map(model => {
+  return namesOf(bands).map(model => {
     const own = bands.filter(band => band.model === model);
     const style = MODELS[model] ?? MODELS.detailed;
     return {type: "bar", orientation: "h", yaxis: "y2", showlegend: false, name: model, width: 0.75,
@@ -610,12 +618,12 @@ function errorTrace(curves, times) {
     name: "error", line: {color: INK, width: 1.5},
     hovertemplate: "largest error %{y:.2f}° at %{x:.2f} s<extra></extra>"};
 }
-function curvesLayout(last, number, error, row, listed) {
+function curvesLayout(last, number, error, row, listed, models) {
   // Room above for the legend and the buttons.
   const top = BUTTONS + 6 + legendHeight(listed, at("curves").clientWidth - 66);
   const usable = error ? 480 : 370, height = usable + 50 + top;
   // Heights in pixels, from below: error, model, angles.
-  const below = error ? 100 / usable : 0, gap = 26 / usable, strip = 66 / usable;
+  const below = error ? 100 / usable : 0, gap = 26 / usable, strip = 22 * Math.max(models.length, 1) / usable;
   const start = error ? below + gap : 0;
   const layout = {
     height, margin: {l: 56, r: 10, t: top, b: 40}, barmode: "overlay",
@@ -623,7 +631,7 @@ function curvesLayout(last, number, error, row, listed) {
     xaxis: axis("time (s)", {range: [0, last * 1.005 || 1], anchor: error ? "y3" : "y2"}),
     yaxis: axis("rotor angle (deg)", {domain: [start + strip + gap, 1]}),
     yaxis2: axis("", {domain: [start, start + strip], type: "category", fixedrange: true, showgrid: false,
-      categoryorder: "array", categoryarray: ["linear", "hybrid", "detailed"], range: [-0.5, 2.5]}),
+      categoryorder: "array", categoryarray: [...models].reverse(), range: [-0.5, models.length - 0.5]}),
     shapes: record.events[number].faults.map(([x0, x1]) => ({type: "rect", yref: "paper", y0: 0, y1: 1,
       x0, x1: Math.min(x1, last), fillcolor: "#8b949e", opacity: 0.25, line: {width: 0}, layer: "below"})),
   };
@@ -631,9 +639,6 @@ function curvesLayout(last, number, error, row, listed) {
     for (const sign of [-1, 1]) layout.shapes.push(limitLine("y", sign * record.angle_limit_deg));
   }
   if (error) layout.yaxis3 = axis("error (deg)", {domain: [0, below], rangemode: "tozero", nticks: 4});
-  if (!["detailed", "hybrid", "linear", "adaptive", "whole"].includes(record.kind)) {
-    layout.yaxis2 = {...layout.yaxis2, categoryarray: undefined, range: undefined};
-  }
   return layout;
 }
 
