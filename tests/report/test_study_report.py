@@ -98,7 +98,7 @@ def test_curves_keep_their_values_and_their_gaps(tmp_path):
     np.testing.assert_allclose(values_of(curves["error"]), 1.5, atol=1e-4)
     assert curves["switches"] == [
         [0.0, "detailed", "fault on"],
-        [0.1, "linear", "within the threshold"],
+        [0.1, "retained", "within the threshold"],
     ]
     assert len(record["times"]) == 1  # all runs have the same
     assert 3 not in record["curves"]

@@ -244,7 +244,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows(reduced, tmp_path):
         run = run_study(parse_study(REDUCED), tmp_path / "d", cluster=address, on_progress=kill)
     assert killed
     assert run.complete
-    assert run.failed == 0
+    assert run.failed == 0, rows(tmp_path / "d")[["name", "reason"]].to_string()
     pd.testing.assert_frame_equal(rows(tmp_path / "d"), rows(reduced))
 
 
