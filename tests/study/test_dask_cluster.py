@@ -4,11 +4,12 @@ import ipaddress
 import os
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import gridfold as gf
-from gridfold.study import run_study
+from gridfold.study import dask_cluster, run_study
 from gridfold.study.study_file import parse_study
 
 STUDY = {
@@ -75,3 +76,35 @@ def test_a_cluster_that_cannot_prepare_the_study_is_an_error_and_no_row(tmp_path
     ):
         run_study(parse_study(STUDY), tmp_path / "a", cluster=cluster.scheduler_address)
     assert not (tmp_path / "a").exists()
+
+
+class OneWorker:
+    """A client whose worker takes what was scattered with it when it dies."""
+
+    def __init__(self):
+        self.scattered, self.given = [], []
+
+    def nthreads(self):
+        return {"worker": 1}
+
+    def scatter(self, offline, **options):
+        self.scattered.append(SimpleNamespace(status="finished"))
+        return self.scattered[-1]
+
+    def get_executor(self, **options):
+        return self
+
+    def submit(self, solve, everywhere, *batch):
+        self.given.append(everywhere)
+        return SimpleNamespace(result=lambda: None)
+
+
+def test_the_study_is_handed_out_again_where_it_went_with_a_worker():
+    client = OneWorker()
+    submit = dask_cluster._members(client, offline=None).submit
+    submit(())
+    client.scattered[0].status = "lost"
+    submit(())
+    submit(())
+    first, second = client.scattered
+    assert client.given == [first, first, second, second]

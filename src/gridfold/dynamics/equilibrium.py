@@ -32,8 +32,8 @@ _NEARLY = 10.0
 #: holds, such as an integrator whose output is cut off, drifts to its limit instead of making the
 #: Jacobian singular.
 _LONG = 1e4
-#: A step below this part of each state (of 1, for states below 1) ends the search: in a state with a
-#: large gain rounding keeps the derivative above the tolerance.
+#: A step of Newton's method below this part of each state (of 1, for states below 1) ends the search:
+#: in a state with a large gain rounding keeps the derivative above the tolerance.
 _STILL = 1e-9
 #: A state in p.u. beyond this belongs to no equilibrium; devices may divide by zero there. A rotor
 #: angle that has moved by more (rad) drifts away with an island of its own.
@@ -112,10 +112,9 @@ class _Search:
         InitializationError
             They lead off: no more of them would help.
         """
-        model, moving, condition = (
-            self.jacobian.model, self.jacobian.moving, self.jacobian.condition
-        )  # fmt: skip
-        x, rate, guess = self.guess.copy(), 0.0, self.guess
+        border, guess = self.jacobian, self.guess
+        model, moving, condition = border.model, border.moving, border.condition
+        x, rate = guess.copy(), 0.0
         before, solve, good = np.inf, None, good_residual(model.power_flow)
         for length in lengths:
             residual = model.compiled(x) - rate * moving
@@ -125,12 +124,13 @@ class _Search:
             try:
                 quick = size <= max(_SLOW * before, _NEARLY * good)
                 if solve is None or length < _LONG or not quick:
-                    solve = self.jacobian.at(x, length)
+                    solve = border.at(x, length)
                 step = solve(np.append(residual, condition @ np.append(x - guess, rate)))
             except RuntimeError as error:
                 raise InitializationError(_NONE) from error
-            still = (np.abs(step[:-1]) < _STILL * np.maximum(np.abs(x), 1.0)).all()
-            room = np.where(moving > 0, np.inf, np.maximum(np.abs(x), 1.0))
+            scale = np.maximum(np.abs(x), 1.0)
+            still = length == _LONG and (np.abs(step[:-1]) < _STILL * scale).all()
+            room = np.where(moving > 0, np.inf, scale)
             x, rate, before = (
                 self.limits.held(x - np.clip(step[:-1], -room, room)),
                 float(rate - step[-1]),

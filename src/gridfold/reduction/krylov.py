@@ -80,17 +80,6 @@ class Compressed:
             input_names=whole.input_names, output_names=whole.output_names,
         )  # fmt: skip
 
-    @property
-    def lift(self) -> Matrix:
-        """From states of the compressed system to full ones, shape (n, k)."""
-        return np.hstack([self.unstable.lift, self.stable.states(np.eye(self.stable.order))])
-
-    @property
-    def restrict(self) -> Matrix:
-        """From full states to those of the compressed system, shape (k, n); restrict lift = I."""
-        rows = np.vstack([self.unstable.restrict, self.stable.rows(np.eye(self.stable.order))])
-        return np.asarray(np.linalg.solve(rows @ self.lift, rows), dtype=np.float64)
-
 
 @one_blas_thread
 def compress(system: DescriptorSystem, tolerance: float = 1e-10) -> Compressed:

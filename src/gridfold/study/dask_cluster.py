@@ -89,10 +89,10 @@ def _members(client: Any, offline: Offline) -> Team:
     threads = client.nthreads()
     if not threads:
         raise OptionError("the cluster has no workers")
-    everywhere = [client.scatter(offline, broadcast=True, hash=False)]
+    everywhere = client.scatter(offline, broadcast=True, hash=False)
     executor = client.get_executor(pure=False, retries=_RETRIES)
     try:
-        executor.submit(_prove, everywhere[0]).result()
+        executor.submit(_prove, everywhere).result()
     except GridfoldError:
         raise
     except Exception as error:  # whatever a foreign machine lacks
@@ -103,9 +103,10 @@ def _members(client: Any, offline: Offline) -> Team:
     name = f"Dask, {len(threads)} workers with {count} threads"
 
     def submit(batch: Batch) -> Any:
-        if everywhere[0].status != "finished":  # it went with a worker
-            everywhere[0] = client.scatter(offline, broadcast=True, hash=False)
-        return executor.submit(solve_offline, everywhere[0], batch)
+        nonlocal everywhere
+        if everywhere.status != "finished":  # it went with a worker
+            everywhere = client.scatter(offline, broadcast=True, hash=False)
+        return executor.submit(solve_offline, everywhere, batch)
 
     return Team(count, name, submit)
 
