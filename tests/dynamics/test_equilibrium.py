@@ -159,3 +159,12 @@ def test_the_implicit_euler_rule_leads_to_the_equilibrium_of_newtons_method(npcc
     point = find_equilibrium(tripped, npcc.x0)
     np.testing.assert_allclose(point.x, expected.x, atol=1e-6)
     assert point.rate == pytest.approx(expected.rate, abs=1e-8)
+
+
+def test_a_short_step_that_moves_hardly_anything_is_no_equilibrium(npcc, monkeypatch):
+    monkeypatch.setattr(equilibrium, "_NEWTON_STEPS", 0)
+    off = np.zeros(npcc.n_states)
+    off[npcc.slots("field_voltage", npcc.machines[:1])] = 1.0
+    off *= 3e-8 / np.abs(npcc.compiled(npcc.x0 + 1e-6 * off)).max() * 1e-6
+    assert 1e-8 < np.abs(npcc.compiled(npcc.x0 + off)).max() < 5e-8
+    assert residual(npcc, find_equilibrium(npcc, npcc.x0 + off)) < 1e-8
